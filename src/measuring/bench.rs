@@ -1,4 +1,4 @@
-//! Frame times of a station: qualities, with and without maps, motion, and throughput.
+//! Frame times of a station: by quality, with and without maps, of a moving scene, and throughput.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,13 +14,13 @@ use crate::settings::ImageSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
 
-/// Frames before the measured ones: a device raises its clock meanwhile.
+/// Uncounted frames before the measured ones. During them, a device raises its clock.
 const WARM_UP: usize = 10;
 
-/// Time between two frames in the scene, s.
+/// Scene time from one frame to the next, s.
 const FRAME_S: f64 = 0.05;
 
-/// Frames of one kind.
+/// Frames of one kind, whose times are measured together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Workload {
     /// Name in tables.
@@ -29,26 +29,26 @@ pub struct Workload {
     pub probe: Probe,
     /// Settings.
     pub settings: RenderSettings,
-    /// Whether the scene moves from frame to frame.
+    /// Whether the scene moves between frames.
     pub moves: bool,
-    /// How frames follow each other.
+    /// Order of submitting and receiving the frames.
     pub flow: Flow,
 }
 
 /// Order of submitting and receiving frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Each is received before the next is submitted.
+    /// Receives each frame before it submits the next.
     Single,
-    /// The next is submitted before the last is received.
+    /// Submits the next frame before it receives the previous one.
     Overlapped,
-    /// By [`Renderer::render_many`].
+    /// Renders all frames by [`Renderer::render_many`].
     Many,
 }
 
 impl Workload {
-    /// Kinds that a station is measured with. The fifth has the shape that NVIDIA's raysim states its time for:
-    /// 256 scanlines of 4096 samples, one ray each, an image of 500 × 500, no maps.
+    /// Workloads measured with a station. The fifth matches the published time of NVIDIA's raysim in its shape: 256
+    /// scanlines of 4096 samples, one ray each, an image of 500 × 500, no maps.
     pub fn of(station: &Station) -> Vec<Self> {
         let settings = |quality, maps| RenderSettings { quality, maps, ..station.settings };
         let image = ImageSettings { width: 500, height: 500, ..station.settings.image };
@@ -74,34 +74,34 @@ impl Workload {
 pub struct Measured {
     /// Name of the workload.
     pub name: &'static str,
-    /// Rays × layers.
+    /// Rays × layers, such as `32x3`.
     pub quality: String,
-    /// Scanlines, and samples of each.
+    /// Number of scanlines, and of samples per scanline.
     pub lines: [u32; 2],
-    /// Image, pixels: width, height.
+    /// Width and height of the image, pixels.
     pub image: [u32; 2],
-    /// Whether segmentation and attenuation are made.
+    /// Whether frames include the segmentation and attenuation maps.
     pub maps: bool,
-    /// Frames a second, one after another.
+    /// Throughput, frames per second.
     pub frames_per_s: f64,
     /// Percentiles of each pass and of whole frames.
     pub stages: Vec<StageTime>,
 }
 
-/// Measured times of one way of the pass `trace`.
+/// Measured times of one implementation of the pass `trace`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TraceTime {
     /// Name of the workload.
     pub name: &'static str,
-    /// `path` or `lanes`.
+    /// Name of the implementation: `path` or `lanes`.
     pub by: &'static str,
-    /// Median of the pass, ms; none on a device without timestamps.
+    /// Median time of the pass, ms; `None` on a device without timestamps.
     pub trace_ms: Option<f64>,
-    /// Median of whole frames, ms.
+    /// Median time of whole frames, ms.
     pub whole_ms: Option<f64>,
 }
 
-/// Measures `frames` frames over `poses` in turn, after a warm-up. `progress` is called after each frame.
+/// Measures `frames` frames, cycling through `poses`, after a warm-up. `progress` is called after each frame.
 ///
 /// # Errors
 /// As [`Renderer::with_bvh`] and [`Renderer::render`].
@@ -129,7 +129,7 @@ pub fn measure(
         }
     };
     let mut stages = table.stages();
-    // Frames of one dispatch share the times of its passes.
+    // The frames of one dispatch share its pass times, so only the times of whole frames are kept.
     stages.retain(|stage| workload.flow != Flow::Many || stage.stage == WHOLE_FRAME);
     Ok(Measured {
         name,
@@ -142,7 +142,8 @@ pub fn measure(
     })
 }
 
-/// Renders frames one after another, `ahead` of them submitted before. Returns frames a second.
+/// Renders frames one after another, with `ahead` further frames submitted before each is received. Returns frames per
+/// second.
 fn in_turn(
     renderer: &mut Renderer,
     (poses, moves): (&[Pose], bool),
@@ -175,7 +176,7 @@ fn in_turn(
     Ok(frames_per_s)
 }
 
-/// Renders frames by [`Renderer::render_many`]. Returns frames a second.
+/// Renders frames by [`Renderer::render_many`]. Returns frames per second.
 fn many(
     renderer: &mut Renderer,
     poses: &[Pose],
@@ -193,7 +194,8 @@ fn many(
     Ok(frames as f64 / started.elapsed().as_secs_f64().max(1e-9))
 }
 
-/// Measures both ways of `trace` with a workload, each as [`measure`]; nothing on the host, and on devices without lanes.
+/// Measures a workload with both implementations of `trace`, each as [`measure`] does. Returns nothing on the host, and
+/// on devices that cannot trace by lanes.
 ///
 /// # Errors
 /// As [`measure`].

@@ -1,4 +1,4 @@
-//! Reference pictures with so many paths that more change little.
+//! Reference pictures, rendered with so many paths that further paths change little.
 
 use std::fmt;
 
@@ -15,39 +15,42 @@ use crate::render::FrameQuality;
 use crate::sink::png::{self, Effort};
 use crate::statistics::mean;
 
-/// Convergence limit: mean change of a pixel from doubled rays, grey levels. Chosen: 2 of 255 levels are 0.5 dB at 60
-/// dB.
+/// Convergence limit for doubled rays: mean change of a pixel, grey levels. Chosen: 2 of 255 levels are 0.5 dB at a
+/// dynamic range of 60 dB.
 const RAYS_BOUND: f64 = 2.0;
-/// Convergence limit: mean change of patch levels from the next number of layers, grey levels. Also chosen.
+/// Convergence limit for the next number of layers: mean change of the levels of 32 × 32 pixels, grey levels. Also
+/// chosen.
 const LAYERS_BOUND: f64 = 2.0;
-/// Base of the seeds. They differ from the seeds of points, so that no point shares paths with its reference.
+/// Base of the references' seeds. They differ from the seeds of measured points, so no point shares paths with its
+/// reference.
 const SEED: u32 = 0x5eed_0000;
-/// Initial rays of the reference.
+/// Rays with which a reference starts.
 const RAYS: u32 = 32;
-/// Layers of the reference, in order of trial; HQ has the first number.
+/// Numbers of layers of the reference, in order of trial. HQ has the first number.
 const LAYERS: [u32; 3] = [3, 5, 9];
 
-/// Rays and layers that are usually rendered, for estimates.
+/// Rays and layers that a reference usually needs until it converges, for estimated times.
 pub(super) const USUAL: [(u32, u32); 4] = [(32, 3), (64, 3), (128, 3), (128, 5)];
 
-/// Whether doubling the rays, and more layers, change little.
+/// Convergence of a reference: how little it changes with doubled rays, and with more layers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Check {
     /// Rays of the reference.
     pub rays: u32,
-    /// Its layers.
+    /// Layers of the reference.
     pub layers: u32,
-    /// Its steering angles.
+    /// Steering angles of the reference.
     pub angles: u32,
-    /// Layers that they are compared with.
+    /// Number of layers of the comparison picture.
     pub layers_compared: u32,
-    /// Mean magnitude of a pixel's change from half the rays, grey levels.
+    /// Mean magnitude of a pixel's change from half the rays to `rays`, grey levels.
     pub rays_change: f64,
-    /// Upper limit.
+    /// Upper limit of `rays_change`.
     pub rays_bound: f64,
-    /// Mean magnitude of the change of the levels of 32 × 32 pixels by more layers, grey levels.
+    /// Mean magnitude of the change from `layers` to `layers_compared`, grey levels. The levels are means over 32 × 32
+    /// pixels.
     pub layers_change: f64,
-    /// Upper limit.
+    /// Upper limit of `layers_change`.
     pub layers_bound: f64,
     /// Whether both changes are below their limits.
     pub converged: bool,
@@ -69,13 +72,14 @@ impl fmt::Display for Check {
 /// A step towards a converged reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Convergence {
-    /// Rays.
+    /// Rays after this step.
     pub rays: u32,
-    /// Layers.
+    /// Layers after this step.
     pub layers: u32,
-    /// Number of layers compared with; `None` if the rays were doubled.
+    /// Number of layers of the comparison picture; `None` if this step doubled the rays.
     pub compared: Option<u32>,
-    /// Mean magnitude of the change, grey levels: of a pixel, or of the levels of 32 × 32 pixels with other layers.
+    /// Mean magnitude of the change, grey levels: of a pixel if the rays were doubled, else of means over 32 × 32
+    /// pixels.
     pub change: f64,
 }
 
@@ -91,7 +95,7 @@ impl fmt::Display for Convergence {
     }
 }
 
-/// References of all poses.
+/// Reference pictures of all poses.
 #[derive(Debug)]
 pub(super) struct References {
     pub(super) pictures: Vec<Reference>,
@@ -99,8 +103,8 @@ pub(super) struct References {
 }
 
 impl References {
-    /// Reads the reference from the store, or renders it with more paths until it converges. Also returns whether it
-    /// was stored.
+    /// Reads the references from the store, or renders them with more and more paths until they converge. The flag
+    /// tells whether they were stored.
     pub(super) fn make(
         harness: &mut Harness,
         store: &Store,
@@ -116,12 +120,13 @@ impl References {
         for (index, picture) in references.pictures.iter().enumerate() {
             save(store, index, picture)?;
         }
-        // Written last: its presence marks a complete reference.
+        // Written last: its presence marks complete references.
         store.write("reference", &references.check)?;
         Ok((references, false))
     }
 
-    /// The reference of one more pose, with as many paths as converged at others; from the store if it holds it.
+    /// Reference picture at one more pose, from the store or rendered. It has as many paths as the references that
+    /// `check` describes.
     pub(super) fn of_pose(
         harness: &mut Harness,
         store: &Store,
@@ -182,7 +187,7 @@ impl References {
                 };
                 return Ok(Self { pictures, check });
             }
-            // Half the rays, so that their convergence is checked again.
+            // Starts again with half the rays, so that their convergence is checked with the new layers.
             rays = (rays / 2).max(RAYS);
             (layers, next) = (next, LAYERS[2]);
             pictures = render(rays, layers)?;
@@ -190,7 +195,7 @@ impl References {
     }
 }
 
-/// References at `poses`.
+/// Renders the reference pictures at `poses`.
 fn rendered(
     harness: &mut Harness,
     poses: &[Pose],
@@ -207,7 +212,7 @@ fn rendered(
     Ok(pictures)
 }
 
-/// Sets every effect, so that omitting a relevant one shows as an error.
+/// Configures a reference with every effect, so that omitting a relevant effect shows as an error.
 fn configure(harness: &mut Harness, (rays, layers): (u32, u32), seed: u32) -> Result<(), MeasuringError> {
     let knobs = harness.base().with(rays, layers).compounded(harness.reference_angles(), false);
     harness.configure(&knobs.with_all_effects(), seed)
@@ -235,7 +240,7 @@ fn load(harness: &Harness, store: &Store, index: usize) -> Result<Reference, Mea
     Ok(Reference::new(size, bmode, map("segmentation")?.0, map("mask")?.0.into(), range_db)?)
 }
 
-/// Mean absolute change of a pixel inside the sectors, grey levels.
+/// Mean absolute change of a pixel inside the sectors, over all poses, grey levels.
 fn mean_change(before: &[Reference], after: &[Reference]) -> f64 {
     let (mut sum, mut count) = (0u64, 0u64);
     for (a, b) in before.iter().zip(after) {
@@ -247,7 +252,7 @@ fn mean_change(before: &[Reference], after: &[Reference]) -> f64 {
     sum as f64 / count.max(1) as f64
 }
 
-/// Mean absolute change of patch levels, grey levels.
+/// Mean absolute change of the levels of 32 × 32 pixels, over all poses, grey levels.
 fn level_change(before: &[Reference], after: &[Reference]) -> Result<f64, QualityError> {
     let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?[0]));
     let changes = changes.collect::<Result<Vec<f64>, QualityError>>()?;

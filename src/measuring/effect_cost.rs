@@ -1,4 +1,4 @@
-//! Cost of each effect on this machine.
+//! Cost of each effect in frame time on this machine.
 
 use serde::Serialize;
 
@@ -7,12 +7,12 @@ use crate::anatomy::Bvh;
 use crate::render::{Choice, Effect, EffectChoices, EffectPlan, Frame, RenderError, RenderSettings, Renderer};
 use crate::statistics::median;
 
-/// Timed frames of a variant in a round, after one that does not count.
+/// Timed frames of a variant in each round. One uncounted frame comes before them.
 const FRAMES: usize = 3;
-/// Time between frames of a scene that moves, s.
+/// Scene time between frames of a moving scene, s.
 const STEP_S: f64 = 1.0 / 30.0;
 
-/// Cost of an effect: time saved by leaving it out, or spent on simulating it.
+/// Cost of an effect: frame time saved by leaving it out, or added by simulating it.
 #[derive(Debug, Clone, Copy, Serialize)]
 struct EffectCost {
     effect: Effect,
@@ -20,37 +20,38 @@ struct EffectCost {
     cost: Cost,
 }
 
-/// Measured times.
+/// Measured frame times, and the cost of each effect.
 #[derive(Debug, Clone, Serialize)]
 pub struct EffectCosts {
-    /// Median time of a frame as planned, ms.
+    /// Median time of a frame with the effects that the plan simulates, ms.
     pub planned_ms: f64,
     /// Median time of a frame with all effects, ms.
     pub all_effects_ms: f64,
-    /// Number of frames per median.
+    /// Number of frames in each median.
     pub frames: usize,
     costs: Vec<EffectCost>,
 }
 
 impl EffectCosts {
-    /// Cost of `effect`; `None` if it only changes numbers in tables.
+    /// Cost of `effect`; `None` if the effect takes no frame time, or wasn't measured.
     pub fn of(&self, effect: Effect) -> Option<Cost> {
         self.costs.iter().find(|cost| cost.effect == effect).map(|found| found.cost)
     }
 
-    /// Time that the plan saves, ms.
+    /// Frame time that the plan saves against simulating all effects, ms.
     pub(crate) fn saved_ms(&self) -> f64 {
         self.all_effects_ms - self.planned_ms
     }
 }
 
-/// Whether an effect costs frame time; the others only change numbers in tables.
+/// Whether an effect costs frame time. The other effects only change numbers in tables.
 fn takes_time(effect: Effect) -> bool {
     use Effect::{Attenuation, FrequencyExponent, SpeedDisplacement, Thickness};
     ![SpeedDisplacement, Thickness, Attenuation, FrequencyExponent].contains(&effect)
 }
 
-/// Settings that invert `effect` and force all other effects as planned: the plan's rules depend on each other.
+/// Settings that invert `effect`. All other effects are forced to their planned state, because the plan's rules depend
+/// on each other.
 fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> RenderSettings {
     let mut other = *settings;
     for each in Effect::ALL {
@@ -66,7 +67,7 @@ fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> Re
     other
 }
 
-/// Measures frames as planned, with all effects, and with each of `effects` inverted.
+/// Measures frames as planned, frames with all effects, and frames with each of `effects` inverted.
 ///
 /// # Errors
 /// A scene or settings that cannot be rendered.

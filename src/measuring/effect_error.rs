@@ -1,4 +1,5 @@
-//! Errors of effects against wave theory and of looks against a perfect picture, and their costs in the station's scene.
+//! Errors of effects against wave theory, errors of post-processing against a perfect picture, and the frame time of
+//! both.
 
 use std::fmt::Write;
 
@@ -17,20 +18,20 @@ use crate::render::{Backend, Choice, Effect, EffectPlan, Quality, RenderSettings
 use crate::selftest::{LookError, TruthError, look_errors, truth_errors};
 use crate::station::Station;
 
-/// Errors of an effect, or of a step of a look, and its cost.
+/// Error with and without an effect, or a step of the look (post-processing), and its cost.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectError {
-    /// Errors with and without the effect.
+    /// Errors with and without the effect or step.
     #[serde(flatten)]
     pub error: TruthError,
     /// False if the effect can't be simulated with the station's probe.
     pub possible: bool,
-    /// Time that the effect adds to a frame, and the spread of its measurement, ms; `None` if it only changes tables.
+    /// Frame time that the effect or step adds, and its spread, ms. `None` if it only changes numbers in tables.
     pub cost_ms: Option<[f64; 2]>,
 }
 
 impl EffectError {
-    /// The cost as text.
+    /// The cost in words for a table, such as `1.2 ms`.
     pub fn cost(&self) -> String {
         match self.cost_ms {
             _ if !self.possible => "not simulated".to_owned(),
@@ -40,7 +41,7 @@ impl EffectError {
         }
     }
 
-    /// An error with its unit. Small errors get more digits.
+    /// `error` with its unit. Errors with a tolerance below 1 get three digits, others one.
     pub fn with_unit(&self, error: f64) -> String {
         let digits = if self.error.tolerance < 1.0 { 3 } else { 1 };
         let unit = if self.error.unit.is_empty() { String::new() } else { format!(" {}", self.error.unit) };
@@ -90,12 +91,12 @@ pub fn effects_markdown(effects: &[EffectError]) -> String {
     text
 }
 
-/// Scene and pose at which costs are measured.
+/// Scene and pose of the cost measurements.
 pub(super) struct EffectScene<'a> {
     pub(super) backend: &'a Backend,
     pub(super) station: &'a Station,
     pub(super) scene: &'a Scene,
-    /// `None`: nothing is measured.
+    /// Pose of the probe; `None` skips all measurements.
     pub(super) pose: Option<&'a Pose>,
 }
 
@@ -109,7 +110,7 @@ impl EffectScene<'_> {
     }
 }
 
-/// Errors and costs at one ray and one layer, from the store if it holds them.
+/// Errors of effects and their costs at one ray and one layer, from the store or measured.
 pub(super) fn measure_effects(
     at: &EffectScene<'_>,
     store: &Store,
@@ -140,7 +141,7 @@ fn measured(at: &EffectScene<'_>, pose: &Pose, progress: &Progress<'_>) -> Resul
     Ok(errors.into_iter().map(of).collect())
 }
 
-/// Errors and costs of the steps of a look, likewise.
+/// Errors and costs of the steps of the look, from the store or measured.
 pub(super) fn measure_looks(
     at: &EffectScene<'_>,
     store: &Store,
@@ -166,7 +167,7 @@ fn measured_looks(
     Ok(errors.into_iter().zip(costs).map(of).collect())
 }
 
-/// Rows that the store holds under a name; else measures and stores them.
+/// Reads the rows stored under `name`, or measures and stores them.
 fn stored_or_measured(
     store: &Store,
     name: &str,
@@ -176,7 +177,7 @@ fn stored_or_measured(
         return Ok(rows);
     }
     let rows = measure()?;
-    // JSON has no word for a number that is none.
+    // JSON cannot hold NaN or infinity, so such rows are not stored.
     if rows.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
         store.write(name, &rows)?;
     }

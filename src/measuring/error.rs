@@ -14,7 +14,7 @@ use crate::selftest::SelfTestError;
 use crate::sink::SinkError;
 use crate::station::StationError;
 
-/// Error in measuring times or errors, or in choosing by them.
+/// Error in measuring times or picture errors, or in choosing settings by them.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum MeasuringError {
@@ -26,7 +26,7 @@ pub enum MeasuringError {
         /// Cause.
         source: std::io::Error,
     },
-    /// A stored result that is none.
+    /// A stored result whose content is damaged.
     #[error("{path} is damaged: measure again without what is stored ({source})")]
     Damaged {
         /// File.
@@ -37,23 +37,23 @@ pub enum MeasuringError {
     /// A figure that cannot be drawn.
     #[error("the figure can't be drawn: {0}")]
     Figure(String),
-    /// The shipped table of errors.
+    /// A fault in the shipped table of errors.
     #[error(transparent)]
     Table(#[from] ErrorTableError),
     /// A table that can't be written as text.
     #[error("the table of errors can't be written: {0}")]
     Text(toml::ser::Error),
-    /// A recording in which the probe does not move at each speed.
+    /// A recording in which the probe never moves at one of the speeds.
     #[error("{path}: at no moment is the probe {speed} ({limits})")]
     NoMotion {
-        /// Recording, or the station that names it.
+        /// The recording, or the station that names it.
         path: PathBuf,
-        /// Missing speed.
+        /// Name of the missing speed.
         speed: &'static str,
-        /// Limits of the speeds.
+        /// Limits between the speeds, in words.
         limits: String,
     },
-    /// An error with the image that it is about.
+    /// An error in comparing one image.
     #[error("{name}: {source}")]
     Image {
         /// File name of the image.
@@ -69,10 +69,10 @@ pub enum MeasuringError {
         /// Cause.
         source: std::io::Error,
     },
-    /// A folder of masks for two images.
+    /// A folder of masks given for two single images.
     #[error("the mask {0} is a folder; two images have one mask")]
     MaskFolder(PathBuf),
-    /// An image and a folder.
+    /// An image compared with a folder.
     #[error("{0} is no folder; give two images or two folders")]
     NoFolder(PathBuf),
     /// A folder without images.
@@ -81,52 +81,52 @@ pub enum MeasuringError {
     /// Images without a partner of the same name.
     #[error("images go by their names, and some have no partner: {}", unpaired.join(", "))]
     Unpaired {
-        /// A text for each.
+        /// One text for each such image.
         unpaired: Vec<String>,
     },
     /// Images of different sizes.
     #[error("{path} is {} x {}, {first} is {} x {}", size[0], size[1], expected[0], expected[1])]
     Size {
-        /// Reference or mask.
+        /// File of the reference or mask.
         path: PathBuf,
-        /// Its width and height, pixels.
+        /// Width and height of the reference or mask, pixels.
         size: [u32; 2],
-        /// Image.
+        /// File of the image.
         first: PathBuf,
         /// Width and height of the image, pixels.
         expected: [u32; 2],
     },
-    /// A data set whose numbers have no meaning.
+    /// A data set whose first class is not `outside`.
     #[error("the first class of {0} is not `outside`")]
     Classes(PathBuf),
-    /// A split without tuples.
+    /// A requested split of a data set that holds no tuples.
     #[error("{directory} has no tuple of the split {split} yet: {train} for training, {test} for the test")]
     NoTuple {
-        /// Directory.
+        /// Directory of the data set.
         directory: PathBuf,
         /// Requested split.
         split: &'static str,
-        /// Training tuples.
+        /// Number of training tuples.
         train: usize,
-        /// Test tuples.
+        /// Number of test tuples.
         test: usize,
     },
-    /// A high quality of another size than the data set's.
+    /// A high quality rendered again whose size differs from the data set's.
     #[error("tuple {index} has {expected} pixels, and {station} renders {found}")]
     Pixels {
         /// Index of the tuple.
         index: usize,
-        /// Its pixels.
+        /// Pixels of the tuple.
         expected: usize,
         /// Station file of the tuple.
         station: String,
-        /// Pixels of the frame.
+        /// Pixels of the new frame.
         found: usize,
     },
-    /// Too few renders.
+    /// A request to render the high quality again zero times.
     #[error("the high quality is to be rendered again {0} times; it must be once at least")]
     Renders(u32),
-    /// Nothing to summarise.
+    /// No values to summarise; the text names what is missing.
     #[error("there is no {0}")]
     Nothing(&'static str),
     /// An image that cannot be used.

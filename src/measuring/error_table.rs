@@ -1,4 +1,5 @@
-//! Errors of operating points: frames of the shipped stations against their converged, compounded references.
+//! Table of picture errors of operating points (a frame quality, with or without a generator). Frames of the shipped
+//! stations are compared with their converged, compounded references.
 //!
 //! The table holds no times, so it is the same for all machines. `insonify front` makes it.
 
@@ -15,36 +16,36 @@ use crate::station::{SceneSource, Station};
 use crate::statistics::mean;
 use crate::transducer::{Probe, ProbeKind};
 
-/// Version of the table's layout; the first one knows no speeds.
+/// Version of the table's layout. The first layout had no errors by speed.
 const FORMAT: u32 = 2;
 const FORMAT_WITHOUT_SPEEDS: u32 = 1;
 
-/// The table that is shipped.
+/// Text of the shipped table.
 const SHIPPED: &str = include_str!("../../assets/quality/front.toml");
 
-/// Errors in a table.
+/// Errors in reading a table.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum ErrorTableError {
     /// Text that is not TOML, or has another layout.
     #[error("the table of errors is damaged: {0}")]
     Parse(String),
-    /// A table of another version.
+    /// A table whose format this program does not know.
     #[error("the table of errors has format {found}; this program reads up to {FORMAT}")]
     Format {
-        /// Its format.
+        /// Format of the table.
         found: u32,
     },
 }
 
-/// Errors of operating points, by scene.
+/// Errors of operating points, by station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorTable {
     /// Version of the layout.
     pub format: u32,
-    /// Version of insonify that made it.
+    /// Version of insonify that made the table.
     pub insonify: String,
-    /// Command that made it.
+    /// Command that made the table.
     pub command: String,
     /// Errors of each station.
     #[serde(rename = "station")]
@@ -63,14 +64,14 @@ pub struct StationErrors {
     pub probe: String,
     /// Centre frequency, MHz.
     pub frequency_mhz: f64,
-    /// Description of the reference.
+    /// Description of the reference, with its convergence.
     pub reference: String,
-    /// Poses of the mean.
+    /// Number of poses over which errors are averaged.
     pub poses: usize,
-    /// Frames per second of rolling compounding; none in a table without speeds.
+    /// Frames per second of rolling compounding; `None` in a table without speeds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame_rate_hz: Option<f64>,
-    /// Points, by rising paths.
+    /// Operating points. Raw frames come first, then generators.
     #[serde(rename = "point")]
     pub points: Vec<PointError>,
 }
@@ -81,7 +82,7 @@ impl StationErrors {
         exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none())).map(|point| point.at(speed))
     }
 
-    /// The rendered point with the same quality except the nearest number of angles, by ratio.
+    /// The raw point that differs from `quality` at most in its number of angles, and has the nearest number by ratio.
     fn nearest_angles(&self, quality: FrameQuality) -> Option<&PointError> {
         let alike =
             |p: &&PointError| p.generator.is_none() && FrameQuality { angles: quality.angles, ..p.quality } == quality;
@@ -90,26 +91,26 @@ impl StationErrors {
     }
 }
 
-/// Error of a point.
+/// Error of an operating point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointError {
     /// Quality of the raw frame.
     pub quality: FrameQuality,
-    /// Generator on top.
+    /// Generator applied to the frame; `None` for the raw frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<GeneratorKey>,
     /// RMS difference of pixels from the reference inside the sector, mean over poses, grey levels.
     pub rmse: f64,
-    /// Difference of that value between two seeds, grey levels.
+    /// Difference of `rmse` between two seeds, grey levels.
     pub spread: f64,
-    /// Error by speed of the probe. In a table without speeds it is none, and `rmse` holds for all.
+    /// Error by speed of the probe. `None` in a table without speeds; then `rmse` holds at every speed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_speed: Option<BySpeed>,
 }
 
 impl PointError {
-    /// Error at a speed, grey levels.
+    /// Error at a probe speed, grey levels.
     pub fn at(&self, speed: ProbeSpeed) -> f64 {
         self.by_speed.map_or(self.rmse, |by_speed| by_speed.at(speed))
     }
@@ -119,9 +120,9 @@ impl PointError {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeneratorKey {
-    /// Its name.
+    /// Name of the generator.
     pub name: String,
-    /// SHA-256 of its model.
+    /// SHA-256 of the generator's model file.
     pub sha256: String,
 }
 
@@ -134,7 +135,7 @@ impl GeneratorKey {
 }
 
 impl fmt::Display for PointError {
-    /// Quality and generator, and the error by speed where it is known.
+    /// Writes quality and generator, and the error by speed if it is known.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.quality)?;
         if let Some(GeneratorKey { name, .. }) = &self.generator {
@@ -146,19 +147,19 @@ impl fmt::Display for PointError {
 }
 
 impl ErrorTable {
-    /// The table that is shipped.
+    /// The shipped table.
     ///
     /// # Errors
-    /// It can't be read: a fault of the build.
+    /// The table can't be read: a fault of the build.
     pub fn shipped() -> Result<&'static Self, ErrorTableError> {
         static TABLE: OnceLock<Result<ErrorTable, ErrorTableError>> = OnceLock::new();
         TABLE.get_or_init(|| ErrorTable::parse(SHIPPED)).as_ref().map_err(Clone::clone)
     }
 
-    /// A table from its text.
+    /// Reads a table from TOML.
     ///
     /// # Errors
-    /// Text that is no table, or another format.
+    /// Text that is no table, or a table of another format.
     pub fn parse(text: &str) -> Result<Self, ErrorTableError> {
         let table: Self = toml::from_str(text).map_err(|e| ErrorTableError::Parse(e.to_string().trim().to_owned()))?;
         match table.format {
@@ -172,8 +173,8 @@ impl ErrorTable {
         Self { format: FORMAT, insonify: env!("CARGO_PKG_VERSION").to_owned(), command, stations: Vec::new() }
     }
 
-    /// Errors to be expected of a station: of the same scene with the nearest probe; else the mean over all scenes with that kind
-    /// of probe; else over all.
+    /// Expected errors of a station. They come from the same scene and kind of probe, at the nearest frequency. Without
+    /// such a station they are means over all stations with that kind of probe, else over all stations.
     pub fn expected(&self, scene: &str, probe: &Probe) -> ExpectedErrors<'_> {
         let kind = kind_name(&probe.kind);
         let of_kind = |station: &&StationErrors| station.probe == kind;
@@ -205,18 +206,18 @@ pub(super) fn kind_name(kind: &ProbeKind) -> &'static str {
     }
 }
 
-/// Errors to be expected of a station's points.
+/// Expected errors of a station's operating points.
 #[derive(Debug, Clone)]
 pub struct ExpectedErrors<'a> {
     stations: Vec<&'a StationErrors>,
-    /// All stations: generators are measured where stations name them.
+    /// All stations of the table. Generators are measured only at stations that name them.
     all: &'a [StationErrors],
-    /// Whether they are of the station's own scene and kind of probe.
+    /// Whether the errors are of the station's own scene and kind of probe.
     pub measured: bool,
 }
 
 impl ExpectedErrors<'_> {
-    /// Qualities of raw frames with known errors, by rising paths.
+    /// Qualities of raw frames with known errors, by increasing number of paths.
     pub fn qualities(&self) -> Vec<FrameQuality> {
         let mut known: Vec<FrameQuality> = Vec::new();
         for point in self.stations.iter().flat_map(|station| &station.points) {
@@ -229,14 +230,17 @@ impl ExpectedErrors<'_> {
         known
     }
 
-    /// Errors of a point by speed of the probe; see [`Self::of`].
+    /// Errors of an operating point by speed of the probe; `None` if one is unknown, as in [`Self::of`].
     pub fn by_speed(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<BySpeed> {
         BySpeed::from_classes(|speed| self.of(quality, generator, speed))
     }
 
-    /// Error of a point at a speed, grey levels: the mean over the stations; `None` if one of them lacks it. A number of
-    /// angles that the table lacks has the error of the nearest one. A generator on a scene on which it was not measured has the
-    /// frame's error, times the ratio of output to input error on its own scenes; `None` if the table doesn't know it.
+    /// Error of an operating point at a probe speed, grey levels: the mean over the chosen stations. `None` if the
+    /// error is unknown at one of them.
+    ///
+    /// A number of angles missing in the table has the error of the nearest number. If a generator was not measured at
+    /// these stations, its error is estimated: the raw frame's error, times the mean ratio of the generator's error to
+    /// the raw error elsewhere.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
         let mean_of = |generator: Option<&GeneratorKey>| {
             let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator, speed)).collect();
@@ -329,7 +333,8 @@ mod tests {
         let trained_anew = GeneratorKey { sha256: "cd".into(), ..fast.clone() };
         assert_eq!(of(&near, Some(&trained_anew)), None);
         assert_eq!(of(&table.expected("fetus", &probe(5.0)), None), Some(22.0));
-        // Another scene: the mean over those of the kind, for what all of them know. There, the generator halves the error.
+        // Another scene: means over its kind of probe, for points that all of these stations have. There, the generator
+        // halves the error.
         let other = table.expected("liver", &probe(4.0));
         assert_eq!((other.measured, of(&other, None), of(&other, Some(&fast))), (false, Some(21.0), Some(10.5)));
         assert_eq!(other.qualities(), [lq]);
@@ -347,7 +352,7 @@ mod tests {
             let plain = |p: &&PointError| p.generator.is_none() && p.quality.aperture;
             let of =
                 |quality: FrameQuality| station.points.iter().filter(plain).find(|p| p.quality == quality).unwrap();
-            // One angle's error may be speckle alone, which rays don't change.
+            // With one angle, the error may be speckle alone, which rays don't change.
             let angles = station.points.iter().filter(plain).map(|p| p.quality.angles).max().unwrap();
             let averaged = station.points.iter().filter(plain).filter(|p| p.quality.angles == angles);
             let most = averaged.max_by_key(|p| p.quality.paths()).unwrap();

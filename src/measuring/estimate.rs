@@ -1,15 +1,15 @@
-//! Estimated duration of a run, and its remaining time.
+//! Estimated duration of a sweep, and its remaining time.
 
 use super::convergence::USUAL;
 use super::harness::{Harness, pose_s};
 use super::{Knobs, MeasuringError, Planned};
 use crate::pose::Pose;
 
-/// Estimated times of a pose, s.
+/// Estimated time of measuring one pose, s.
 #[derive(Debug)]
 pub(super) struct Estimate {
     pub(super) reference_s: f64,
-    /// Per planned point.
+    /// Times of the planned points.
     pub(super) points_s: Vec<f64>,
 }
 
@@ -20,7 +20,7 @@ struct Line {
 }
 
 impl Line {
-    /// Fits a frame of 1 × 1 rays × layers and one of 8 × 3.
+    /// Fits the times of two frames: of 1 ray × 1 layer, and of 8 rays × 3 layers.
     fn of(harness: &mut Harness, base: Knobs, pose: &Pose) -> Result<Self, MeasuringError> {
         let one_s = harness.frame_s(&base.with(1, 1), pose)?;
         let middle_s = harness.frame_s(&base.with(8, 3), pose)?;
@@ -33,7 +33,8 @@ impl Line {
 }
 
 impl Estimate {
-    /// Measures two frames as planned, two with all effects, one per generator, and one comparison.
+    /// Measures two frames with the station's effects, two with all effects, one frame of each generator, and one
+    /// comparison.
     pub(super) fn measure(harness: &mut Harness, planned: &[Planned], pose: &Pose) -> Result<Self, MeasuringError> {
         let base = harness.base();
         let own = Line::of(harness, base, pose)?;
@@ -41,7 +42,7 @@ impl Estimate {
         let compare_s = harness.comparison_s(pose)?;
         let point_s = |p: &Planned| {
             let line = if p.knobs.all_effects { &all } else { &own };
-            // A rolling picture takes a frame an angle before it is measured.
+            // A rolling picture needs one frame per angle before it is measured.
             pose_s(f64::from(p.knobs.angles) * line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
         };
         let points_s = planned.iter().map(|p| match p.generator {
@@ -56,17 +57,17 @@ impl Estimate {
         })
     }
 
-    /// Time of a pose, s.
+    /// Time of measuring all points and the reference at one pose, s.
     pub(super) fn pose_s(&self) -> f64 {
         self.reference_s + self.points_s.iter().sum::<f64>()
     }
 }
 
-/// Remaining time, corrected by the durations of the finished parts.
+/// Remaining time. The ratio of actual to estimated time so far corrects it.
 #[derive(Default)]
 pub(super) struct Remaining {
     left_s: f64,
-    /// Estimated and actual time of the measured parts, s.
+    /// Estimated and actual time of the parts measured so far, s.
     estimated_s: f64,
     taken_s: f64,
 }
@@ -76,7 +77,7 @@ impl Remaining {
         Self { left_s: total_s, ..Self::default() }
     }
 
-    /// Records that a part estimated at `estimate_s` took `taken_s`; `None` if kept from an earlier run.
+    /// Records that a part estimated at `estimate_s` took `taken_s`; `None` for a part read from the store.
     pub(super) fn done(&mut self, estimate_s: f64, taken_s: Option<f64>) {
         self.left_s = (self.left_s - estimate_s).max(0.0);
         if let Some(taken_s) = taken_s {
@@ -85,7 +86,7 @@ impl Remaining {
         }
     }
 
-    /// Remaining time, s.
+    /// Corrected remaining time, s.
     pub(super) fn left_s(&self) -> f64 {
         let slower = if self.estimated_s > 0.0 { self.taken_s / self.estimated_s } else { 1.0 };
         self.left_s * slower

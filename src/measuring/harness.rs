@@ -1,4 +1,4 @@
-//! Renderer and generators that measure points: frame times, and errors against the reference.
+//! Renderer and generators that measure operating points: their frame times, and their errors against the reference.
 
 use std::time::Instant;
 
@@ -16,16 +16,16 @@ use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
 use crate::transducer::Probe;
 
-/// Seeds of the frames, other than the reference's seeds. The error's difference between them is its noise.
+/// Seeds of measured frames; the reference has others. The difference of the error between both seeds is its noise.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
 /// Fewest steering angles of the reference.
 const REFERENCE_ANGLES: u32 = 9;
-/// Least time per pose and seed, s; fast points are repeated, at most `REPEATS_MAX` times.
+/// Least measuring time per pose and seed, s. Fast frames are repeated, at most `REPEATS_MAX` times.
 const POSE_S: f64 = 0.25;
 const REPEATS_MAX: usize = 8;
 
-/// Time of a pose, s, if a frame takes `frame_s` and a comparison `compare_s`.
+/// Time to measure one pose, s, if a frame takes `frame_s` and a comparison `compare_s`.
 pub(super) fn pose_s(frame_s: f64, compare_s: f64) -> f64 {
     let repeats = (POSE_S / frame_s.max(1e-6)).ceil().clamp(REPEATS as f64, REPEATS_MAX as f64);
     SEEDS.len() as f64 * repeats * frame_s + compare_s
@@ -37,13 +37,13 @@ pub(crate) struct Harness {
     renderer: Renderer,
     probe: Probe,
     settings: RenderSettings,
-    /// Tissue names from number 1.
+    /// Tissue names, from class number 1.
     tissues: Vec<String>,
     generators: Vec<Generator>,
     frame: Frame,
 }
 
-/// Names, of which repeated ones get their number.
+/// `names` made unique: a repeated name gets its position in the list, such as `fast (2)`.
 pub(super) fn distinct(names: &[&str]) -> Vec<String> {
     let distinct = |(index, name): (usize, &&str)| match names[..index].contains(name) {
         true => format!("{name} ({})", index + 1),
@@ -52,7 +52,7 @@ pub(super) fn distinct(names: &[&str]) -> Vec<String> {
     names.iter().enumerate().map(distinct).collect()
 }
 
-/// Time of the second of two frames, s, of which `frame` returns ms.
+/// Time of the second of two calls of `frame`, s. `frame` returns its time in ms.
 fn second(frame: impl FnMut() -> Result<f64, MeasuringError>) -> Result<f64, MeasuringError> {
     Ok(1e-3 * timed(1, 1, frame)?.iter().sum::<f64>())
 }
@@ -64,7 +64,8 @@ impl Harness {
         for refused in &loaded.refused {
             tracing::warn!("{} is left out: {}", refused.path.display(), refused.error);
         }
-        // Noise is no error, and differs with the seed. So low it is left out, also with all effects.
+        // Receiver noise differs with the seed and must not count as an error. At −400 dB it is never simulated, not
+        // even with all effects.
         let receiver = ReceiverSettings { noise_db: -400.0, ..station.settings.receiver };
         Ok(Self {
             renderer,
@@ -76,7 +77,7 @@ impl Harness {
         })
     }
 
-    /// Identity of the models: their manifests, with checksums of the files that loading has checked.
+    /// Identity of the generators: their manifests, with checksums of the files that loading has checked.
     pub(super) fn models(&self) -> String {
         self.generators.iter().map(|g| format!("{:?}\n", g.manifest())).collect()
     }
@@ -87,7 +88,7 @@ impl Harness {
         second(|| elapsed_ms(|| self.render(pose).map(drop)))
     }
 
-    /// Time of a frame of LQ with a generator, s.
+    /// Time of an LQ frame with the generator of this index, s.
     pub(super) fn generated_s(&mut self, index: usize, pose: &Pose) -> Result<f64, MeasuringError> {
         self.configure(&self.base().with(Quality::LQ.rays, Quality::LQ.layers), 0)?;
         let track = Track { at: *pose, before: Vec::new() };
@@ -106,18 +107,18 @@ impl Harness {
         &self.settings
     }
 
-    /// The station's knobs, for one angle.
+    /// The station's knobs (quality settings), but with one steering angle.
     pub(crate) fn base(&self) -> Knobs {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }
 
-    /// Knobs of a live frame.
+    /// Knobs of a live frame of this quality. Several angles are compounded over successive frames.
     pub(super) fn live_knobs(&self, quality: FrameQuality) -> Knobs {
         let knobs = self.base().with(quality.rays, quality.layers).compounded(quality.angles, quality.angles > 1);
         if quality.aperture { knobs } else { knobs.without_aperture() }
     }
 
-    /// Steering angles of the reference.
+    /// Number of steering angles of the reference.
     pub(super) fn reference_angles(&self) -> u32 {
         if self.probe.kind.steers() { self.settings.look.odd_angles().max(REFERENCE_ANGLES) } else { 1 }
     }
@@ -133,7 +134,7 @@ impl Harness {
         Ok(&self.frame)
     }
 
-    /// Renders frames at `poses` with the seed of the settings, several at once; `each` receives them in order.
+    /// Renders frames at `poses`, several at once, with the seed of the settings. `each` receives them in order.
     pub(super) fn render_many(
         &mut self,
         poses: &[Pose],
@@ -145,18 +146,18 @@ impl Harness {
         self.renderer.render_many(jobs, |_, frame| each(frame))
     }
 
-    /// Generators by index, each with every quality of frames that it takes.
+    /// Each generator's index, paired with each frame quality that the generator takes.
     pub(crate) fn generated_points(&self) -> Vec<(FrameQuality, usize)> {
         let all = self.generators.iter().enumerate();
         all.flat_map(|(index, generator)| generator.manifest().lq().into_iter().map(move |lq| (lq, index))).collect()
     }
 
-    /// Generator with an index.
+    /// Generator of this index.
     pub(crate) fn generator(&self, index: usize) -> Option<&Generator> {
         self.generators.get(index)
     }
 
-    /// Error of a live frame with two seeds, grey levels.
+    /// RMS errors of a live frame with two seeds, grey levels.
     pub(crate) fn live_error(
         &mut self,
         quality: FrameQuality,
@@ -175,7 +176,7 @@ impl Harness {
         Ok(errors)
     }
 
-    /// Points of the generators on top of the frames that they were trained for.
+    /// Operating points of the generators, on frames of the qualities that they were trained for.
     pub(super) fn planned_generators(&self) -> Vec<Planned> {
         let names = self.names();
         let planned = |(lq, index): (FrameQuality, usize)| {
@@ -201,7 +202,7 @@ impl Harness {
         Ok(PoseError::of(image, reference, self.settings.image.dynamic_range_db)?)
     }
 
-    /// Measures a point.
+    /// Measures the time and errors of an operating point.
     pub(super) fn point(
         &mut self,
         planned: &Planned,
@@ -217,7 +218,7 @@ impl Harness {
             let rolling = planned.knobs.rolling;
             for (index, (track, reference)) in tracks.iter().zip(references).enumerate() {
                 if turn == 0 && index == 0 {
-                    // Not counted: includes uploads for the new settings.
+                    // Not counted: this frame also uploads the new settings.
                     self.shown(track, generator, rolling, &mut image)?;
                 }
                 let (mut done, mut spent_s) = (0, 0.0);
@@ -254,8 +255,9 @@ impl Harness {
         })
     }
 
-    /// Renders, without the image if the generator takes none, and runs the generator if given. With `rolling` the frames
-    /// before come first, and the last one's time counts. Returns both times, ms.
+    /// Renders a frame, without its image if the generator takes none, and runs the generator if given. With `rolling`,
+    /// the frames before it on the track are rendered first, uncounted. Returns the times of the render and of the
+    /// generator, ms.
     fn shown(
         &mut self,
         track: &Track,
@@ -282,7 +284,7 @@ impl Harness {
         Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
     }
 
-    /// The frame of a live session whose probe moved along the track.
+    /// Renders the last frame of a live session whose probe moved along `track`.
     fn roll(&mut self, track: &Track) -> Result<(), MeasuringError> {
         let angles = self.renderer.settings().look.odd_angles() as usize;
         let skipped = track.before.len().saturating_sub(angles - 1);

@@ -9,33 +9,33 @@ use crate::transducer::Probe;
 /// The quality knobs of a frame; see the keys of `[quality]` and `[probe]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Knobs {
-    /// Rays per scanline and layer.
+    /// Rays per scanline and elevational layer.
     pub rays: u32,
     /// Elevational layers.
     pub layers: u32,
-    /// Reflections followed per path.
+    /// Maximum number of reflections along a path.
     pub reflections_max: u32,
-    /// Scanlines.
+    /// Number of scanlines.
     pub scanlines: u32,
     /// Samples per scanline.
     pub samples: u32,
-    /// Largest number of taps of the lateral beam.
+    /// Largest number of taps of the lateral beam kernel.
     pub beam_taps_max: u32,
-    /// Largest number of taps of the pulse.
+    /// Largest number of taps of the pulse kernel.
     pub pulse_taps_max: u32,
     /// Steering angles of spatial compounding; odd.
     pub angles: u32,
-    /// True if each frame has one new angle, and its picture is the mean of the last ones of a moving probe, as in a live
-    /// session; false if each frame takes all angles.
+    /// True as in a live session: each frame has one new angle, and the picture is the mean of the last frames of a
+    /// moving probe. False if each frame takes all angles.
     pub rolling: bool,
-    /// True if every effect is simulated; else the station's effects that its scene needs.
+    /// True if every effect is simulated; else those that the station's effect plan chooses.
     pub all_effects: bool,
-    /// Whether the effect `aperture` may be simulated; if not, each path has its own shadow.
+    /// Whether the effect `aperture` may be simulated. If not, each path casts its own shadow.
     pub aperture: bool,
 }
 
 impl Knobs {
-    /// Knobs of a station.
+    /// Knobs of a station's probe and settings.
     pub fn of(probe: &Probe, settings: &RenderSettings) -> Self {
         Self {
             rays: settings.quality.rays,
@@ -52,22 +52,22 @@ impl Knobs {
         }
     }
 
-    /// Knobs with other rays and layers.
+    /// These knobs with other rays and layers.
     pub fn with(self, rays: u32, layers: u32) -> Self {
         Self { rays, layers, ..self }
     }
 
-    /// Knobs with every effect simulated.
+    /// These knobs with every effect simulated.
     pub(crate) fn with_all_effects(self) -> Self {
         Self { all_effects: true, ..self }
     }
 
-    /// Knobs of a picture of so many angles; with `rolling`, in a live session.
+    /// These knobs with `angles` steering angles. With `rolling`, frames are compounded as in a live session.
     pub fn compounded(self, angles: u32, rolling: bool) -> Self {
         Self { angles, rolling, ..self }
     }
 
-    /// Knobs with each path's own shadows.
+    /// These knobs without the effect `aperture`.
     pub(crate) fn without_aperture(self) -> Self {
         Self { aperture: false, ..self }
     }
@@ -91,7 +91,7 @@ impl Knobs {
         (probe, settings)
     }
 
-    /// Names and values, in the tables' order.
+    /// Names and values of the knobs, in the order of the tables' columns.
     pub fn values(&self) -> [(&'static str, u32); 11] {
         [
             ("rays", self.rays),

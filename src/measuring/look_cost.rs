@@ -1,4 +1,5 @@
-//! Cost of each step of a look on this machine, live: with compounding one angle a frame.
+//! Cost of each step of the look (post-processing) in live frames on this machine. Compounding adds one angle per
+//! frame.
 
 use std::fmt;
 
@@ -12,22 +13,22 @@ use crate::render::{Frame, RenderError, RenderSettings, Renderer};
 use crate::settings::{GreyMap, LookPreset, LookSettings};
 use crate::transducer::Probe;
 
-/// Timed frames of a variant in a round.
+/// Timed frames of a variant in each round.
 const FRAMES: usize = 4;
 
-/// A look, and whether the probe receives tissue harmonics.
+/// Settings of a look, and whether the probe receives tissue harmonics.
 pub(super) type Variant = (LookSettings, bool);
 
-/// A step of the look, as the station sets it, and its cost.
+/// A step of the look in the station's setting, and its cost.
 #[derive(Debug, Clone, Serialize)]
 pub struct LookCost {
     setting: &'static str,
-    /// Value in the station.
+    /// Value in the station, as text.
     value: String,
     on: bool,
-    /// Value against which it was measured.
+    /// Value of the comparison frames, as text.
     other: String,
-    /// Time that the step adds to a frame, or would add.
+    /// Frame time that the step adds; if it is off, that it would add.
     #[serde(flatten)]
     cost: Cost,
 }
@@ -41,11 +42,11 @@ impl fmt::Display for LookCost {
     }
 }
 
-/// A setting of the look.
+/// A setting of the look whose cost is measured.
 struct LookStep {
     setting: &'static str,
     value: fn(&Variant) -> String,
-    /// Copies the setting from another variant.
+    /// Copies the setting from the second variant to the first.
     take: fn(&mut Variant, &Variant),
 }
 
@@ -89,7 +90,7 @@ fn plain() -> Variant {
     (LookPreset::Raw.settings(), false)
 }
 
-/// The station's look with each step inverted: a step that is off is measured as these have it.
+/// The station's look, once with each step inverted. Steps that are off are turned on with the values of `usual`.
 fn other_ways(own: Variant) -> Vec<Variant> {
     let plain = plain();
     let usual: Variant = (
@@ -117,7 +118,7 @@ fn is_on(step: &LookStep, own: &Variant) -> bool {
     (step.value)(&without) != (step.value)(own)
 }
 
-/// Measures each step of the frame's look inverted.
+/// Measures the frame's look, once with each step inverted.
 ///
 /// # Errors
 /// A scene or settings that cannot be rendered.
@@ -134,7 +135,7 @@ pub fn look_costs(frame: &TimedFrame<'_>, progress: &dyn Fn(usize, usize)) -> Re
     Ok(STEPS.iter().zip(&others).zip(differences_ms).filter_map(of).collect())
 }
 
-/// Cost of each of `looks` over a plain one.
+/// Cost of each of `looks` over a plain look.
 pub(super) fn costs(
     frame: &TimedFrame<'_>,
     looks: &[Variant],
@@ -144,7 +145,7 @@ pub(super) fn costs(
     Ok(differences_ms.iter().map(|ms| Cost::of(ms)).collect())
 }
 
-/// Time that a frame of each of `others` takes more than one of `own`, ms, by round.
+/// Frame times of each of `others` minus those of `own`, ms, by round.
 fn differences_ms(
     frame: &TimedFrame<'_>,
     own: Variant,
@@ -160,14 +161,14 @@ fn differences_ms(
         let (look, harmonics) = variants[index];
         let settings = RenderSettings { look, ..*settings };
         renderer.reconfigure(&Probe { harmonics, ..*probe }, &settings)?;
-        // The mean is of all angles only after as many frames.
+        // The compounded mean holds all angles only after as many frames.
         let warm_up = look.odd_angles() as usize + 1;
         timed(warm_up, FRAMES, || elapsed_ms(|| live.frame(&mut renderer, &settings, pose)))
     })?;
     Ok(times[1..].iter().map(|other| other.over(&times[0])).collect())
 }
 
-/// Frames as a live session makes them.
+/// Renders and post-processes frames as a live session does.
 struct Live {
     look: Look,
     frame: Frame,

@@ -1,4 +1,4 @@
-//! Measurement of the table of errors that live sessions choose from.
+//! Measurement of the error table, from which live sessions choose an operating point.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -16,43 +16,44 @@ use crate::render::{Backend, FrameQuality, Renderer};
 use crate::station::{Poses, Station, Track};
 use crate::statistics::mean;
 
-/// Rays and layers of the points.
+/// Rays and layers of the table's operating points.
 pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3), (32, 3)];
-/// Angles of rolling compounding.
+/// Numbers of steering angles of the table's operating points, in rolling compounding.
 pub const ANGLES: [u32; 3] = [1, 3, 9];
-/// Most paths of points without the aperture.
+/// Largest number of paths of operating points that are also measured without the effect `aperture`.
 const PATHS_WITHOUT_APERTURE: u32 = 3;
-/// Frames before each measured one: all angles but the last, at the largest number of angles.
+/// Frames before each measured one: one for each angle but the last, at the largest number of angles.
 const FRAMES_BEFORE: u32 = 8;
-/// Poses at which the reference's convergence is checked, one at each speed; it has as many paths at the others.
+/// Poses at which the convergence of the reference is checked, one for each speed. References at other poses have as
+/// many paths.
 const CHECKED: usize = ProbeSpeed::ALL.len();
 
 /// Extent of the measurement of a station's errors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ErrorSettings {
-    /// Recording by which a probe moves whose station has none.
+    /// Recording whose motion is used for stations without one.
     pub motion: PathBuf,
-    /// Poses, a third of them at each speed.
+    /// Number of poses, a third of them at each speed.
     pub poses: usize,
-    /// Rays and layers of the points, of [`RAYS_LAYERS`]; empty for all.
+    /// Rays and layers of the operating points, from [`RAYS_LAYERS`]; empty for all.
     pub points: Vec<(u32, u32)>,
-    /// Angles of the points, of [`ANGLES`]; empty for all.
+    /// Numbers of steering angles, from [`ANGLES`]; empty for all.
     pub angles: Vec<u32>,
-    /// Folder in which results are kept.
+    /// Folder of stored results.
     pub folder: PathBuf,
-    /// Whether results of an earlier run are kept.
+    /// Whether stored results of an earlier run are used.
     pub resume: bool,
     /// Time after which no further point is measured.
     pub ends: Option<Instant>,
 }
 
 impl ErrorSettings {
-    /// Poses of each speed.
+    /// Number of poses at each speed.
     fn poses_of_speed(&self) -> usize {
         self.poses.max(1).div_ceil(ProbeSpeed::ALL.len())
     }
 
-    /// Checks that the recordings hold poses of each speed; needs no scene.
+    /// Checks that the recordings hold poses at each speed of the probe; needs no scene.
     ///
     /// # Errors
     /// A station without a pose, recordings that cannot be read, or a speed at which the probe never moves.
@@ -62,7 +63,8 @@ impl ErrorSettings {
 }
 
 impl ErrorTable {
-    /// The table of stations `measured` by `command`, and the other stations of `others`, in their order.
+    /// A table of the stations in `measured`, made by `command`. Other stations of the table `others` follow, in their
+    /// order.
     pub fn merged(command: String, measured: Vec<StationErrors>, others: Option<Self>) -> Self {
         let mut table = Self::new(command);
         if let Some(others) = others {
@@ -82,7 +84,7 @@ impl ErrorTable {
         Ok(format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}"))
     }
 
-    /// Replaces the errors of stations with the same name, and appends the others.
+    /// Replaces the stations that have the same name as a measured one, and appends the other measured stations.
     pub fn merge(&mut self, measured: Vec<StationErrors>) {
         for station in measured {
             match self.stations.iter_mut().find(|known| known.name == station.name) {
@@ -93,7 +95,7 @@ impl ErrorTable {
     }
 }
 
-/// Poses of a station at each speed of the probe, each with the path of the frames before it.
+/// `each` poses of a station at each speed of the probe, with the poses of the frames before each.
 fn tracks(station: &Station, motion: &Path, each: usize) -> Result<Vec<(ProbeSpeed, Track)>, MeasuringError> {
     let hand = Poses::of_recording(motion, station)?;
     let period = Duration::from_secs_f64(1.0 / station.pipeline.frame_rate_hz);
@@ -110,12 +112,13 @@ fn tracks(station: &Station, motion: &Path, each: usize) -> Result<Vec<(ProbeSpe
     })
 }
 
-/// Measures the errors of a station's points against a converged reference, at each speed of the probe. `scene` is the
-/// station's. `None` if [`ErrorSettings::ends`] passed before all points were measured; a call with [`ErrorSettings::resume`] continues.
+/// Measures the errors of a station's operating points against a converged reference, at each speed of the probe.
+/// `scene` is the station's. `None` if [`ErrorSettings::ends`] passed before all points were measured; another call
+/// with [`ErrorSettings::resume`] continues.
 ///
 /// # Errors
-/// A station without a pose, a recording without one of the speeds, frames that cannot be rendered or translated, or results
-/// that are damaged or cannot be written.
+/// A station without a pose, a recording without one of the speeds, frames that cannot be rendered or translated, or
+/// results that are damaged or cannot be written.
 pub fn measure_errors(
     backend: &Backend,
     station: &Station,
@@ -190,7 +193,8 @@ pub fn measure_errors(
     }))
 }
 
-/// Error of a live frame with two seeds, grey levels, from the store or measured; `None` if the time is over.
+/// RMS errors of a live frame with two seeds, grey levels, from the store or measured. `None` if they are not stored
+/// and `is_over` is true.
 fn live_error(
     harness: &mut Harness,
     store: &Store,
@@ -212,7 +216,7 @@ fn live_error(
     }
 }
 
-/// A point of the table from its errors with two seeds at each pose, grey levels.
+/// An entry of the table, from the errors with two seeds at each pose, grey levels.
 fn point(quality: FrameQuality, generator: Option<GeneratorKey>, errors: &[(ProbeSpeed, [f64; 2])]) -> PointError {
     let rounded = |value: f64| (1e3 * value).round() / 1e3;
     let by_seed = |of: Option<ProbeSpeed>| {
@@ -226,7 +230,8 @@ fn point(quality: FrameQuality, generator: Option<GeneratorKey>, errors: &[(Prob
     PointError { quality, generator, rmse, spread, by_speed: Some(by_speed) }
 }
 
-/// Qualities of raw frames, then generators on theirs.
+/// Operating points to measure: qualities of raw frames, then generators with the frame qualities that they take.
+/// `steers` tells whether the probe can steer.
 fn planned(settings: &ErrorSettings, harness: &Harness, steers: bool) -> Vec<(FrameQuality, Option<usize>)> {
     let ErrorSettings { points, angles: chosen, .. } = settings;
     let wanted = |quality: &FrameQuality| {

@@ -1,11 +1,13 @@
 //! Measurement of frames: their times, and their errors against converged reference pictures.
 //!
-//! - [`Sweep`] measures points of a station: time, error, Pareto front, noise, and effects against theory.
+//! - [`Sweep`] measures operating points of a station: time, error, Pareto front, noise, and effects against theory.
 //! - [`measure_errors`] makes the table of errors ([`ErrorTable`]) that live sessions choose from.
-//! - [`bench`] times whole frames and passes; [`PlanCosts`] what each effect and each step of the look costs.
+//! - [`bench`] measures the times of whole frames and passes; [`PlanCosts`] the time of each effect and step of the
+//! look.
 //! - [`evaluation`] compares images and generators with their targets.
 //!
-//! One harness renders, translates and times all points. Timed frames follow uncounted ones ([`timed`]).
+//! One harness renders and times all operating points, and runs their generators. Uncounted frames come before timed
+//! ones ([`timed`]).
 
 pub mod bench;
 mod convergence;

@@ -1,4 +1,4 @@
-//! A scene's effect plan with what each effect costs on this machine.
+//! A scene's effect plan, and the cost of each effect on this machine.
 
 use std::fmt;
 
@@ -11,10 +11,10 @@ use super::timing::TimedFrame;
 use crate::render::{Choice, Effect, EffectPlan, Quality, RenderError};
 use crate::sink::frame_record::AdapterRecord;
 
-/// Costs of effects and of steps of the look.
+/// Costs of effects and of the steps of the look (post-processing).
 #[derive(Debug, Serialize)]
 pub struct PlanCosts {
-    /// Renderer that was measured.
+    /// Device on which the costs were measured.
     pub adapter: AdapterRecord,
     /// Costs of the effects.
     #[serde(flatten)]
@@ -26,7 +26,7 @@ pub struct PlanCosts {
 }
 
 impl PlanCosts {
-    /// Measures the effects of `plan` and the look at `frame`.
+    /// Measures the costs of the effects in `plan`, and of the look, on `frame`.
     ///
     /// # Errors
     /// A frame that cannot be rendered.
@@ -40,12 +40,12 @@ impl PlanCosts {
     }
 }
 
-/// A plan as a text table, with costs where they were measured.
+/// An effect plan as a text table, with costs if they were measured.
 #[derive(Debug)]
 pub struct PlanTable<'a> {
     /// The plan.
     pub plan: &'a EffectPlan,
-    /// Its costs.
+    /// Costs of the plan; `None` if not measured.
     pub measured: Option<&'a PlanCosts>,
 }
 

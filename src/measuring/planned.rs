@@ -1,43 +1,48 @@
-//! Points to be measured.
+//! Operating points to be measured in a sweep.
 
 use super::Knobs;
 
-/// Rays and layers for the sweeps of single knobs.
+/// Rays and layers of the sweeps that vary another knob (quality setting).
 const MIDDLE: (u32, u32) = (8, 3);
 /// Rays and layers also measured with every effect.
 const ALL_EFFECTS: [(u32, u32); 3] = [(1, 1), (8, 1), (32, 3)];
 
-/// Steering angles of compounded points.
+/// Numbers of steering angles of compounded points.
 const ANGLES: [u32; 2] = [3, 9];
-/// Rays and layers also measured as compounded stills.
+/// Rays and layers also measured as stills, compounded from all angles.
 const STILLS: [(u32, u32); 4] = [(1, 1), (1, 3), (8, 3), (32, 3)];
-/// Rays and layers also measured as live pictures of a moving probe.
+/// Rays and layers also measured as live, compounded pictures of a moving probe.
 const ROLLING: [(u32, u32); 6] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3)];
-/// Rays and layers also measured without the aperture.
+/// Rays and layers also measured without the effect `aperture`.
 const LEAN: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
 
-/// A point to be measured.
+/// An operating point to be measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planned {
     /// Unique name.
     pub name: String,
     /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, `generator`, or one of [`Knobs::values`].
     pub sweep: &'static str,
-    /// Name of the neighbour for the noise test.
+    /// Name of the neighbouring point with which the noise test compares this point.
     pub against: Option<String>,
     /// Knob values.
     pub knobs: Knobs,
-    /// Index of the generator that translates its frames, if any.
+    /// Index of the generator that translates the frames, if any.
     pub generator: Option<usize>,
 }
 
-/// Name of a knob, its values, and its accessor.
+/// Name of a knob, values to try, and accessor of the knob.
 type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 
-/// Points to be measured about the station's knobs `base`; fewer with `quick`.
-/// First a small grid of rays × layers of one angle, then some of its points compounded (`compounds`: the probe can be
-/// steered), compounded while the probe moves (`moves`), with every effect, and without the aperture; then each other knob
-/// alone at 8 × 3. The station's own values of samples, scanlines and taps are the maxima.
+/// Operating points to be measured around the station's knobs `base`; fewer with `quick`.
+///
+/// - a grid of rays × layers with one steering angle,
+/// - some of its points compounded, if `compounds`: the probe can steer,
+/// - these also compounded while the probe moves, if `moves`,
+/// - some points with every effect, and some without the effect `aperture`,
+/// - each other knob alone, at 8 rays × 3 layers.
+///
+/// The station's own numbers of samples, scanlines and taps are the maxima.
 pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) -> Vec<Planned> {
     let base = base.compounded(1, false);
     let mut points: Vec<Planned> = Vec::new();
@@ -59,7 +64,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
     }
     let mut variant = |sweep, (rays, layers): (u32, u32), words: String, knobs: Knobs| {
         let against = format!("{rays}x{layers}");
-        // A quick plan lacks some neighbours.
+        // A quick plan lacks some of these neighbours.
         if points.iter().any(|point| point.name == against) {
             points.push(Planned {
                 name: format!("{against} {words}"),
@@ -91,7 +96,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
     let part = |whole: u32, of: &[u32]| {
         let mut values: Vec<u32> = of.iter().map(|n| (whole * n / 8).max(1)).collect();
-        // Small stations have equal parts.
+        // At a small station, several parts are equal.
         values.dedup();
         values
     };
@@ -107,7 +112,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
         for value in values.into_iter().step_by(step) {
             let mut knobs = middle;
             let own = *knob(&mut knobs);
-            // The station's own value is the middle point itself; a cap above it has no effect.
+            // The station's own value is the middle point itself. A larger limit has no effect.
             if value >= own {
                 continue;
             }

@@ -1,21 +1,21 @@
-//! Measured points, their Pareto front of time and error, and differences that are noise.
+//! Measured operating points, their Pareto front of time and error, and differences that are noise.
 
 use serde::{Deserialize, Serialize};
 
 use super::Knobs;
 
-/// One setting, measured.
+/// An operating point with its measured time and errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Unique name.
     pub name: String,
-    /// Varied knob, or `generator`.
+    /// Name of the varied knob, or `generator`.
     pub sweep: String,
-    /// Name of its neighbour.
+    /// Name of the neighbouring point of the noise test, if any.
     pub against: Option<String>,
     /// Knob values.
     pub knobs: Knobs,
-    /// Generator that translated its frames, if any.
+    /// Generator that translated the frames, if any.
     pub generator: Option<String>,
     /// Time of a frame.
     pub time: Time,
@@ -26,10 +26,10 @@ pub struct Point {
     /// True if no other point is at least as fast and as accurate, and better in one of both.
     #[serde(default)]
     pub on_front: bool,
-    /// True if its time differs from its neighbour's by at most the spread of repeats.
+    /// True if the time differs from the neighbour's by at most the spread of repeats.
     #[serde(default)]
     pub time_is_noise: bool,
-    /// True if its error differs from its neighbour's by at most the spread between seeds.
+    /// True if the error differs from the neighbour's by at most the spread between seeds.
     #[serde(default)]
     pub error_is_noise: bool,
 }
@@ -37,15 +37,15 @@ pub struct Point {
 /// Time of a frame with its maps, from the call until the result is in memory, ms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Time {
-    /// Frames measured.
+    /// Number of measured frames.
     pub frames: usize,
     /// Median.
     pub median_ms: f64,
     /// 95th percentile.
     pub p95_ms: f64,
-    /// Interquartile range of the times minus the median of their pose: the spread of repeats, not of poses.
+    /// Interquartile range of the times after subtracting the median of each pose: the spread of repeats, not of poses.
     pub spread_ms: f64,
-    /// Median of each pass on the device, in order; empty without timestamps.
+    /// Median time of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassMs>,
 }
 
@@ -63,12 +63,12 @@ pub struct PassMs {
 pub struct Errors {
     /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out.
     pub level_rmse: f64,
-    /// Difference of that value between two seeds, grey levels.
+    /// Difference of `level_rmse` between two seeds, grey levels.
     pub level_rmse_spread: f64,
-    /// RMS difference of pixels, grey levels. Other samples, scanlines and kernels change the speckle: valid only for
-    /// points with the same ones as the reference. The front goes by it.
+    /// RMS difference of pixels, grey levels: the error of the Pareto front. Other samples, scanlines and kernels
+    /// change the speckle, so it is valid only for points with the reference's values of them.
     pub rmse: f64,
-    /// Difference of that value between two seeds, grey levels.
+    /// Difference of `rmse` between two seeds, grey levels.
     pub rmse_spread: f64,
     /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, if all are equal.
     #[serde(with = "crate::quality::infinite_is_null")]
@@ -80,11 +80,11 @@ pub struct Errors {
     pub ssim: f64,
     /// pKL, nats.
     pub pkl: Option<f64>,
-    /// Envelope SNR minus the reference's, mean over tissues with one.
+    /// Envelope SNR minus the reference's, mean over the tissues whose SNR is known.
     pub snr_difference: Option<f64>,
-    /// Mean magnitude of a tissue's difference of mean grey levels, weighted by its pixels.
+    /// Difference of a tissue's mean grey level from the reference's: mean magnitude, weighted by the tissue's pixels.
     pub grey_difference: f64,
-    /// Lost share of the borders' contrast.
+    /// Lost share of the contrast at tissue borders.
     pub contrast_lost: Option<f64>,
 }
 
@@ -93,7 +93,7 @@ pub struct Errors {
 pub struct ClassError {
     /// Name.
     pub tissue: String,
-    /// Pixels over all poses.
+    /// Number of the tissue's pixels over all poses.
     pub pixels: usize,
     /// Mean grey level minus the reference's.
     pub grey_difference: f64,
@@ -101,7 +101,7 @@ pub struct ClassError {
     pub envelope_snr: Option<f64>,
     /// Envelope SNR of the reference.
     pub reference_snr: Option<f64>,
-    /// Lost share of its borders' contrast.
+    /// Lost share of the contrast at the tissue's borders.
     pub contrast_lost: Option<f64>,
 }
 
@@ -115,7 +115,7 @@ pub(crate) fn mark_front(points: &mut [Point]) {
     }
 }
 
-/// Marks points that differ from their neighbour by at most the larger of both spreads.
+/// Marks points whose time or error differs from their neighbour's by at most the larger of both spreads.
 pub(crate) fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
@@ -185,7 +185,7 @@ pub(super) mod tests {
         let values =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
         let mut points: Vec<Point> = values.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
-        // Errors of levels are ignored.
+        // `level_rmse` does not count.
         points[3].error.level_rmse = 0.0;
         mark_front(&mut points);
         let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();

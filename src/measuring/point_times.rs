@@ -1,15 +1,15 @@
-//! Frame times of a point.
+//! Frame times of an operating point.
 
 use super::{PassMs, Time};
 use crate::report::TimeTable;
 use crate::report::time_table::{HOST_STAGES, OVERHEAD, WHOLE_FRAME};
 use crate::statistics::{median, percentile};
 
-/// Times of the frames of a point.
+/// Times of the frames of an operating point.
 #[derive(Default)]
 pub(super) struct Times {
     pub(super) table: TimeTable,
-    /// Frame times per pose.
+    /// Frame times of each pose, ms.
     pub(super) ms: Vec<Vec<f64>>,
     pub(super) generator_ms: Vec<f64>,
 }

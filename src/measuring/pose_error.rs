@@ -1,4 +1,4 @@
-//! Errors of a point at its poses, and their means.
+//! Errors of an operating point at its poses, and their means.
 
 use super::reference::Reference;
 use super::{ClassError, Errors};
@@ -7,7 +7,7 @@ use crate::quality::structures::{contrast_lost, structures};
 use crate::quality::{ClassSpeckle, ClassStructure, QualityError, Scores, psnr_db};
 use crate::statistics::mean;
 
-/// One pose of a point.
+/// Errors of an operating point at one pose.
 pub(super) struct PoseError {
     pub(super) rmse: [f64; 2],
     pub(super) level_rmse: [f64; 2],
@@ -17,7 +17,7 @@ pub(super) struct PoseError {
 }
 
 impl PoseError {
-    /// Errors of an image, except its RMS errors, which are filled in for each seed.
+    /// Errors of an image. Its RMS errors are filled in later, for each seed.
     pub(super) fn of(image: &[u8], reference: &Reference, range_db: f64) -> Result<Self, QualityError> {
         Ok(Self {
             rmse: [0.0; 2],
@@ -29,7 +29,7 @@ impl PoseError {
     }
 }
 
-/// Errors by tissue: means over poses, grey differences weighted by pixels.
+/// Errors by tissue, as means over the poses. Grey differences are weighted by pixels.
 pub(super) fn classes(tissues: &[String], errors: &[PoseError], references: &[Reference]) -> Vec<ClassError> {
     let of = |number: usize, tissue: &String| {
         let is = |class: u8| usize::from(class) == number;
@@ -52,7 +52,7 @@ pub(super) fn classes(tissues: &[String], errors: &[PoseError], references: &[Re
     tissues.iter().enumerate().filter_map(|(index, tissue)| of(index + 1, tissue)).collect()
 }
 
-/// Means over poses.
+/// Means of the errors over poses.
 pub(super) fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
     let over = |of: &dyn Fn(&PoseError) -> f64| mean(errors.iter().map(of)).unwrap_or(f64::NAN);
     let pixels_of = [0, 1].map(|turn| over(&|e| e.rmse[turn]));

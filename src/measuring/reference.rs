@@ -1,4 +1,4 @@
-//! Converged images at one pose, which points are compared with.
+//! Converged images at one pose, with which measured frames are compared.
 
 use crate::quality::speckle::speckle;
 use crate::quality::{ClassSpeckle, Pair, QualityError};
@@ -32,7 +32,7 @@ impl Reference {
         Ok(Self { size, bmode, segmentation, mask, speckle })
     }
 
-    /// Pair of `image` and this reference within the sector.
+    /// `image` paired with this reference, within the sector.
     pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, QualityError> {
         Pair::new(self.size, image, &self.bmode, Some(&self.mask))
     }

@@ -6,30 +6,30 @@ use super::{Check, Convergence, Point, PointError};
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Step<'a> {
-    /// The reference has been rendered with more paths.
+    /// The reference was rendered again with more paths.
     Reference(Convergence),
     /// The reference is finished.
     Converged(&'a Check),
-    /// A point of a sweep is measured.
+    /// A point of a sweep has been measured.
     Point {
         /// The point.
         point: &'a Point,
-        /// Its number, from 1.
+        /// Number of the point, from 1.
         number: usize,
         /// Total number of points.
         total: usize,
-        /// Remaining time for the others, s.
+        /// Remaining time for the other points, s.
         left_s: f64,
     },
-    /// A point of the table of errors is finished.
+    /// A point of the table of errors has been measured.
     Error(&'a PointError),
-    /// Part of a measurement whose frames or comparisons are counted.
+    /// Progress in a part of the measurement, counted in frames or comparisons.
     Part {
         /// Name of the part.
         what: &'static str,
-        /// Completed steps.
+        /// Number of completed steps.
         done: usize,
-        /// Total steps.
+        /// Total number of steps.
         total: usize,
     },
 }
@@ -37,7 +37,7 @@ pub enum Step<'a> {
 /// Receiver of a measurement's progress.
 pub type Progress<'a> = dyn Fn(Step<'_>) + 'a;
 
-/// Receiver of the completed and the total steps of the part `what`.
+/// Receiver that reports the completed and the total number of steps of the part `what`.
 pub(super) fn part<'a>(progress: &'a Progress<'_>, what: &'static str) -> impl Fn(usize, usize) + 'a {
     move |done, total| progress(Step::Part { what, done, total })
 }

@@ -1,4 +1,4 @@
-//! Finished points on disk, for a resumed run, and the identity of its frames.
+//! Measured results on disk, for a resumed measurement, and the identity of the frames behind them.
 
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::files::{self, FileKind, hex};
 use crate::sink::{create_dir, remove, write_json};
 use crate::station::Station;
 
-/// Files in a folder. Their names contain a hash of everything that they depend on.
+/// Result files in a folder. Their names contain a hash of everything that the results depend on.
 #[derive(Debug)]
 pub(crate) struct Store {
     folder: PathBuf,
@@ -21,7 +21,8 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// Opens the store in `out`. Without `resume`, entries of the same key are deleted.
+    /// Opens the store in the folder `out`. `key` names everything that results depend on. Without `resume`, entries of
+    /// the same key are deleted.
     pub(crate) fn new(out: &Path, resume: bool, key: &[String]) -> Result<Self, MeasuringError> {
         let folder = out.join("points");
         create_dir(&folder)?;
@@ -39,12 +40,12 @@ impl Store {
         Ok(store)
     }
 
-    /// Path of the entry `name`.
+    /// Path of the file of entry `name`.
     pub(crate) fn path(&self, name: &str, extension: &str) -> PathBuf {
         self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
     }
 
-    /// Reads a value that [`Store::write`] wrote; `None` if there is none.
+    /// Reads the value that [`Store::write`] wrote under `name`; `None` if there is none.
     pub(crate) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, MeasuringError> {
         let path = self.path(name, "json");
         let text = match files::read(&path, FileKind::Stored) {
@@ -70,7 +71,7 @@ fn digest(parts: &[&str]) -> String {
     hex(&hash.finalize()[..6])
 }
 
-/// Feeds text to a hash.
+/// Hash that text is written to.
 struct Sum(Sha256);
 
 impl Write for Sum {
@@ -80,10 +81,10 @@ impl Write for Sum {
     }
 }
 
-/// Identity of a run's frames: the station without knobs and poses, and the scene by its content, not its path.
+/// Identity of the frames: the station without knobs and poses, and the scene by its content, not its path.
 pub(crate) fn identity(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
-    // Writing to a hash cannot fail.
+    // Writing to a hash can't fail.
     let _ = write!(sum, "{scene:?}");
     let sum = hex(&sum.0.finalize());
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;

@@ -1,4 +1,4 @@
-//! Measurement of a station's points: reference, times, errors, and effects against theory.
+//! Measurement of a station's operating points: reference, times, errors, and effects against theory.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -18,21 +18,22 @@ use crate::render::{Backend, Renderer, processor_name};
 use crate::settings::ANGLES_MAX;
 use crate::station::{Poses, Station, StationError, Track};
 
-/// Target duration of a sweep without a number of poses, s; a slowly converging reference may double it.
+/// Target duration of a sweep whose number of poses is not given, s. A slowly converging reference may double it.
 const TIME_S: f64 = 270.0;
-/// Most poses of such a sweep.
+/// Largest number of poses of such a sweep.
 const POSES: usize = 3;
 
 /// Extent of a sweep.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SweepSettings {
-    /// Recording whose poses are taken. `None`: the station's, or its own pose turned about the beam.
+    /// Recording whose poses are used. `None`: the station's recording, or its own pose turned about the beam.
     pub recording: Option<PathBuf>,
     /// Number of poses, spread over the recording. `None`: 3, or as many as take about 5 minutes.
     pub poses: Option<usize>,
-    /// Fewer points, one pose, and a reference of fewer rays.
+    /// Whether to measure fewer points at one pose, with a reference of fewer rays.
     pub quick: bool,
-    /// Whether results of an earlier sweep of the same station, scene, models, poses, machine and version are kept.
+    /// Whether stored results are used: of an earlier sweep of the same station, scene, models, poses, machine and
+    /// version.
     pub resume: bool,
 }
 
@@ -52,14 +53,14 @@ pub struct Sweep<'a> {
     machine: Machine,
 }
 
-/// The machine of a sweep.
+/// Machine on which a sweep runs.
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
     /// Rendering device.
     pub device: String,
     /// Processor.
     pub processor: String,
-    /// Threads of the processor.
+    /// Number of the processor's threads.
     pub threads: usize,
 }
 
@@ -73,15 +74,15 @@ pub struct SweepReport {
     /// Machine.
     #[serde(flatten)]
     pub machine: Machine,
-    /// Number of poses.
+    /// Number of poses measured.
     pub poses: usize,
-    /// Convergence of the reference.
+    /// Convergence of the reference pictures.
     pub reference: Check,
-    /// Points, with marks of the front and of noise.
+    /// Operating points, with marks of the Pareto front and of noise.
     pub points: Vec<Point>,
-    /// Effects against wave theory.
+    /// Errors of effects against wave theory.
     pub effects: Vec<EffectError>,
-    /// Steps of a look against a perfect picture.
+    /// Errors of the steps of the look (post-processing) against a perfect picture.
     pub looks: Vec<EffectError>,
 }
 
@@ -138,7 +139,7 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Number of poses.
+    /// Number of poses to measure.
     pub fn poses(&self) -> usize {
         self.tracks.len()
     }
@@ -153,12 +154,12 @@ impl<'a> Sweep<'a> {
         &self.machine.device
     }
 
-    /// Estimated duration, s.
+    /// Estimated duration of the sweep, s.
     pub fn estimated_s(&self) -> f64 {
         self.estimate.pose_s() * self.tracks.len() as f64
     }
 
-    /// Measures all points, and effects and looks against theory.
+    /// Measures all operating points, effects against wave theory, and steps of the look.
     ///
     /// # Errors
     /// Frames that cannot be rendered, translated or compared; stored results that are damaged or cannot be written.
@@ -190,7 +191,7 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Points as planned; stored ones are not measured again.
+    /// Measures the planned points. Stored points are not measured again.
     fn points(
         &mut self,
         references: &References,
@@ -199,7 +200,8 @@ impl<'a> Sweep<'a> {
     ) -> Result<Vec<Point>, MeasuringError> {
         let mut points: Vec<Point> = Vec::new();
         for (planned, estimate_s) in self.planned.iter().zip(&self.estimate.points_s) {
-            // By number: names of generators may differ only in characters that file names lack.
+            // File names hold the generator's index, because names of generators may differ only in characters that
+            // file names lack.
             let generators = || points.iter().filter(|point| point.generator.is_some()).count();
             let file =
                 planned.generator.map_or_else(|| planned.name.clone(), |_| format!("generator {}", generators()));
@@ -221,7 +223,7 @@ impl<'a> Sweep<'a> {
     }
 }
 
-/// Number of poses that fit into [`TIME_S`]. A resumed sweep keeps its number, because estimates vary.
+/// Number of poses that fit into [`TIME_S`]. A resumed sweep keeps its number of poses, because estimates vary.
 fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usize, MeasuringError> {
     if let Some(count) = store.read::<usize>("poses")? {
         return Ok(count.clamp(1, POSES));

@@ -8,7 +8,7 @@ use super::{MeasuringError, SweepReport, csv, effects_csv, effects_markdown, mar
 use crate::names::counted;
 use crate::sink::{png, write_json, write_text};
 
-/// Names of a sweep's files below its directory; a `*` stands for anything.
+/// Names of a sweep's files in its directory; `*` stands for any text.
 pub const SWEEP_FILES: [&str; 8] = [
     "tradeoff.csv",
     "tradeoff.json",
@@ -21,13 +21,13 @@ pub const SWEEP_FILES: [&str; 8] = [
 ];
 
 impl SweepReport {
-    /// Points, effects and looks as Markdown tables.
+    /// Operating points, effects and steps of the look as Markdown tables.
     pub fn tables(&self) -> String {
         let both = [&self.effects[..], &self.looks].concat();
         format!("{}\n{}", markdown(&self.points), effects_markdown(&both))
     }
 
-    /// Writes tables, figure and JSON below `out`, and returns the files.
+    /// Writes tables, figure and JSON below `out`. Returns the paths of the files.
     ///
     /// # Errors
     /// A file that can't be written, or a figure that can't be drawn.

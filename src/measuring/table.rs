@@ -1,11 +1,11 @@
-//! Points as CSV and as a Markdown table.
+//! Measured operating points as CSV and as a Markdown table.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use super::Point;
 
-/// Header and one line per point: knobs, times, errors, front, noise; then the median of each pass.
+/// CSV with a header and one line per point: knobs, times, errors, front, noise; then the median of each pass.
 pub fn csv(points: &[Point]) -> String {
     let mut passes: Vec<&str> = Vec::new();
     for pass in points.iter().flat_map(|p| &p.time.passes) {
@@ -41,7 +41,7 @@ pub fn csv(points: &[Point]) -> String {
     text
 }
 
-/// A CSV field; quoted, with doubled quotes, if it has a comma, quote or line break (RFC 4180).
+/// A CSV field, quoted with doubled quotes if it has a comma, quote or line break (RFC 4180).
 pub(crate) fn csv_field(text: &str) -> Cow<'_, str> {
     if !text.contains([',', '"', '\n', '\r']) {
         return text.into();
@@ -49,7 +49,7 @@ pub(crate) fn csv_field(text: &str) -> Cow<'_, str> {
     format!("\"{}\"", text.replace('"', "\"\"")).into()
 }
 
-/// Markdown table, sorted by time.
+/// Markdown table of the points, sorted by time.
 pub fn markdown(points: &[Point]) -> String {
     let mut sorted: Vec<&Point> = points.iter().collect();
     sorted.sort_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms));
@@ -87,7 +87,7 @@ pub fn markdown(points: &[Point]) -> String {
     text
 }
 
-/// Display name of a point, with its other name.
+/// Display name of a point; `LQ` or `HQ` is added where it applies.
 pub(super) fn shown(name: &str) -> String {
     match name {
         "1x1" => "1x1 (LQ)".to_owned(),

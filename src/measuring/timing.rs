@@ -1,4 +1,5 @@
-//! Timed frames after uncounted ones, variants of a frame measured in turns, and what one costs more than another.
+//! Frame times after a warm-up, variants of a frame measured in turns, and the time that one variant takes more than
+//! another.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -13,20 +14,20 @@ use crate::transducer::Probe;
 
 /// Rounds in which variants are measured.
 const ROUNDS: usize = 7;
-/// Time after which no round beyond [`ROUNDS_MIN`] starts: slow devices measure fewer rounds.
+/// Time after which no further round starts, once `ROUNDS_MIN` are done: slow devices measure fewer rounds.
 const LONG: Duration = Duration::from_secs(30);
 const ROUNDS_MIN: usize = 3;
 
 /// A frame whose time is measured.
 #[derive(Debug, Clone)]
 pub struct TimedFrame<'a> {
-    /// Renderer.
+    /// Backend that renders the frame.
     pub backend: &'a Backend,
     /// Scene.
     pub scene: &'a Scene,
     /// Probe.
     pub probe: Probe,
-    /// Settings as planned.
+    /// Render settings, with the effects chosen by the plan.
     pub settings: RenderSettings,
     /// Pose of the probe.
     pub pose: Pose,
@@ -42,7 +43,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Cost from the differences of the rounds, ms; `None` without a round.
+    /// Cost from the difference of frame times in each round, ms; `None` without a round.
     pub(super) fn of(differences_ms: &[f64]) -> Option<Self> {
         let quartile = |part| percentile(differences_ms, part);
         let spread_ms = 0.5 * (quartile(0.75)? - quartile(0.25)?);
@@ -62,7 +63,7 @@ impl fmt::Display for Cost {
     }
 }
 
-/// Times of `count` frames, ms, after `warm_up` frames that do not count. `frame` makes one and returns its time.
+/// Times of `count` frames, ms, after `warm_up` uncounted frames. `frame` makes one frame and returns its time, ms.
 ///
 /// # Errors
 /// The first error of `frame`.
@@ -71,7 +72,7 @@ pub fn timed<E>(warm_up: usize, count: usize, mut frame: impl FnMut() -> Result<
     (0..count).map(|_| frame()).collect()
 }
 
-/// Milliseconds that `work` takes.
+/// Time that `work` takes, ms.
 pub(super) fn elapsed_ms<E>(work: impl FnOnce() -> Result<(), E>) -> Result<f64, E> {
     let started = Instant::now();
     work()?;
@@ -83,18 +84,19 @@ pub(super) fn elapsed_ms<E>(work: impl FnOnce() -> Result<(), E>) -> Result<f64,
 pub(super) struct VariantTimes {
     /// Median of each round.
     pub(super) rounds_ms: Vec<f64>,
-    /// All frames.
+    /// Times of all frames.
     pub(super) all_ms: Vec<f64>,
 }
 
 impl VariantTimes {
-    /// Time that this variant takes more than `other`, ms, by round.
+    /// Frame time of this variant minus that of `other`, ms, by round.
     pub(super) fn over(&self, other: &Self) -> Vec<f64> {
         self.rounds_ms.iter().zip(&other.rounds_ms).map(|(own, other)| own - other).collect()
     }
 }
 
-/// Measures `count` variants in turns, round by round. `frames` returns the times of frames of a variant, ms.
+/// Measures `count` variants in turns, round by round. `frames` returns the times of some frames of the variant with
+/// the given index, ms.
 pub(super) fn in_turns<E>(
     count: usize,
     progress: &dyn Fn(usize, usize),

@@ -1,4 +1,4 @@
-//! Low quality and generators on the tuples of a data set.
+//! Evaluation of low quality and generators on the tuples of a data set.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -18,25 +18,25 @@ use crate::quality::regions::is_bone;
 use crate::quality::{CROP_COUNT, CROP_INSIDE, CROP_SIDE, crop_places};
 use crate::statistics::evenly;
 
-/// Tuples and crops of an evaluation.
+/// Tuples to evaluate, and their crops.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Settings {
-    /// Split of the data set; `None` for all tuples.
+    /// Split of the data set; `None` for both splits.
     pub split: Option<Split>,
-    /// Largest number of tuples, spread evenly over the split.
+    /// Largest number of tuples, which are spread evenly over the split; `None` for no limit.
     pub limit: Option<usize>,
-    /// Random crops of each tuple; 0 leaves their table out.
+    /// Number of random crops of each tuple; 0 omits their scores.
     pub crops: usize,
     /// Side of a crop, pixels.
     pub crop_side: usize,
-    /// Seed of the crops' places.
+    /// Seed of the crops' positions.
     pub seed: u64,
-    /// Folder for pictures of the best, the median and the worst tuple; made if missing.
+    /// Folder for pictures of the best, the median and the worst tuple; made if missing. `None` writes none.
     pub sheets: Option<PathBuf>,
 }
 
 impl Default for Settings {
-    /// All of the test split.
+    /// The whole test split.
     fn default() -> Self {
         Self { split: Some(Split::Test), limit: None, crops: CROP_COUNT, crop_side: CROP_SIDE, seed: 1, sheets: None }
     }
@@ -49,21 +49,21 @@ pub struct DatasetReport {
     pub dataset: PathBuf,
     /// `test`, `train` or `all`.
     pub split: String,
-    /// Tuples judged.
+    /// Number of tuples judged.
     pub tuples: usize,
     /// Side of a crop, pixels.
     pub crop_side: usize,
-    /// Crops of each tuple.
+    /// Number of crops of each tuple.
     pub crops_per_tuple: usize,
-    /// Least share of a crop inside the sector.
+    /// Least share of a crop's pixels inside the sector.
     pub crop_inside: f64,
-    /// Seed of the crops' places.
+    /// Seed of the crops' positions.
     pub seed: u64,
-    /// Low quality first, then the generators, then the high quality rendered again.
+    /// Low quality first, then the generators, then the high quality rendered again, if requested.
     pub rows: Vec<RowReport>,
-    /// Notes on the figures.
+    /// Remarks on the figures.
     pub notes: Vec<String>,
-    /// Pictures written.
+    /// Paths of the written pictures.
     pub sheets: Vec<PathBuf>,
 }
 
@@ -77,26 +77,26 @@ pub struct Evaluation<'a> {
     extractors: Vec<Extractor>,
 }
 
-/// Scanlines of the images, by station and size.
+/// Scanlines of the images, by the tuples' station and size.
 struct Geometry<'a> {
     dataset: &'a Dataset,
     known: HashMap<(String, [u32; 2]), Option<Scan>>,
     notes: Vec<String>,
 }
 
-/// Results of the tuples so far.
+/// Sums over the tuples judged so far.
 struct Tally<'a> {
     rows: Vec<Row>,
-    /// Features of the high quality, by extractor.
+    /// Feature vectors of the high quality, by extractor.
     target: Vec<Vectors>,
     geometry: Geometry<'a>,
     without_crops: usize,
-    /// Stations whose tuple, rendered with its own seed, differs from the data set.
+    /// Stations with a tuple that this machine renders otherwise than the data set has it.
     foreign: Vec<String>,
 }
 
 impl Geometry<'_> {
-    /// Scanlines of a row's pictures; none if its station can't be read.
+    /// Scanlines of a tuple's pictures; `None` if its station can't be read.
     fn of(&mut self, row: &TupleRow) -> Option<&Scan> {
         let key = (row.station.clone(), row.size);
         if !self.known.contains_key(&key) {
@@ -135,7 +135,7 @@ impl<'a> Evaluation<'a> {
         self.chosen.len()
     }
 
-    /// Judges the tuples; with `repeat`, the high quality itself as well.
+    /// Judges the tuples, and with `repeat` also the high quality rendered again.
     ///
     /// # Errors
     /// A tuple that cannot be read or rendered, a model that cannot be run on it, or a picture that cannot be written.
@@ -163,7 +163,7 @@ impl<'a> Evaluation<'a> {
         self.report(tally)
     }
 
-    /// Adds a tuple to the rows of the report.
+    /// Adds the images of a tuple to the rows of the report.
     fn judge(
         &mut self,
         row: &TupleRow,
@@ -217,7 +217,7 @@ impl<'a> Evaluation<'a> {
         })
     }
 
-    /// Rows of the report, still empty.
+    /// Rows of the report, without images yet.
     fn rows(&self, repeat: Option<&Repeat<'_>>) -> Vec<Row> {
         let count = self.extractors.len();
         let mut rows = vec![Row::new("LQ".to_owned(), None, None, count)];
@@ -232,7 +232,8 @@ impl<'a> Evaluation<'a> {
         rows
     }
 
-    /// Notes on generators trained for other frames, missing crops, stations that this machine renders otherwise, and covariances.
+    /// Remarks on generators trained for other frames, missing crops, stations that this machine renders otherwise, and
+    /// covariances.
     fn notes(&self, without_crops: usize, foreign: &[String], target: &[Vectors]) -> Vec<String> {
         let side = self.settings.crop_side;
         let trained = self.generators.iter().filter_map(|(name, g)| Some((name, g.manifest().training.as_ref()?)));
@@ -272,7 +273,7 @@ impl<'a> Evaluation<'a> {
     }
 }
 
-/// A tuple with its crops and its scanlines. One smaller than a crop has none.
+/// A tuple with its crops and the pixels behind bone. A tuple smaller than a crop has no crops.
 fn judged<'a>(
     settings: &Settings,
     row: &TupleRow,
@@ -297,7 +298,7 @@ fn split_name(split: Option<Split>) -> &'static str {
     }
 }
 
-/// Tuples of the split, at most the limit, spread evenly.
+/// Tuples of the split, at most `limit`, spread evenly.
 fn chosen<'a>(dataset: &'a Dataset, settings: &Settings) -> Result<Vec<&'a TupleRow>, MeasuringError> {
     let directory = &dataset.directory;
     if dataset.header.classes.first().is_none_or(|name| name != "outside") {

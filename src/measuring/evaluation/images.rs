@@ -1,4 +1,4 @@
-//! Images and their references, as files.
+//! Comparison of image files with their references.
 
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
@@ -17,43 +17,43 @@ use crate::measuring::table::csv_field;
 use crate::names::counted;
 use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
 
-/// Record of a frame's folder, as `render` writes it, and the images in there that show no echoes.
+/// Record that `render` writes into a frame's folder, and the images of that folder that show maps instead of echoes.
 const RECORD: &str = "frame.json";
 const MAPS: [&str; 2] = ["mask.png", "segmentation.png"];
 
-/// Scores of images.
+/// Scores of images against their references.
 #[derive(Debug, Clone, Serialize)]
 pub struct ImagesReport {
-    /// Image, or folder of images.
+    /// Image file, or folder of images.
     pub images: PathBuf,
-    /// Reference, or folder of references.
+    /// Reference file, or folder of references.
     pub references: PathBuf,
-    /// Mask, or folder of masks.
+    /// Mask file, or folder of masks.
     pub mask: Option<PathBuf>,
-    /// Feature extractor.
+    /// Model file of the feature extractor.
     pub features: Option<PathBuf>,
-    /// Images of a rendered frame's folder that were not compared: its maps.
+    /// Images that were not compared: the maps in a rendered frame's folder.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
-    /// Means and percentiles.
+    /// Means and percentiles of the scores.
     pub summary: Summary,
-    /// Over all images, if there is an extractor.
+    /// Fréchet distance over all images; `None` without an extractor.
     pub frechet_distance: Option<f64>,
     /// Scores of each image.
     pub scores: Vec<NamedScores>,
 }
 
-/// Scores of an image.
+/// Scores of one image.
 #[derive(Debug, Clone, Serialize)]
 pub struct NamedScores {
-    /// File name.
+    /// File name of the image.
     pub name: String,
     /// Scores.
     #[serde(flatten)]
     pub scores: Scores,
 }
 
-/// Files of an image, its reference and its mask.
+/// Files of an image, of its reference and of its mask.
 struct Files {
     name: OsString,
     image: PathBuf,
@@ -61,7 +61,7 @@ struct Files {
     mask: Option<PathBuf>,
 }
 
-/// Features of images and of references.
+/// Feature vectors of images and of references.
 struct Features {
     extractor: OnnxFeatures,
     sets: [Vec<Vec<f64>>; 2],
@@ -78,9 +78,11 @@ impl Features {
     }
 }
 
-/// Compares `images`, a grey PNG or a folder of such, with `references`: a file, or a folder with the same file names. Only
-/// pixels where `mask`, a file for all or a folder, isn't black count. `features` adds a Fréchet distance over all images. Of
-/// folders of rendered frames the maps are left out.
+/// Compares `images`, a grey PNG file or a folder of them, with `references`, a file or a folder with the same file
+/// names.
+///
+/// Only pixels where the mask isn't black count. `mask` is one file for all images, or a folder. `features` adds a
+/// Fréchet distance over all images. In folders of rendered frames, maps are left out.
 ///
 /// # Errors
 /// Files that cannot be read, images without a partner or of different sizes, or a feature extractor that cannot be loaded.
@@ -117,7 +119,7 @@ pub fn compare(
 }
 
 impl ImagesReport {
-    /// A line for each image: name, PSNR, SSIM and pKL.
+    /// CSV with a line for each image: name, PSNR, SSIM and pKL.
     pub fn csv(&self) -> String {
         let mut text = "image,psnr_db,ssim,pkl\n".to_owned();
         for NamedScores { name, scores } in &self.scores {
@@ -128,7 +130,7 @@ impl ImagesReport {
 }
 
 impl fmt::Display for ImagesReport {
-    /// Table of means and percentiles.
+    /// Writes a table of means and percentiles.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = &self.summary;
         writeln!(f, "{:12} {:>9} {:>9}", "", "mean", "5/95 %")?;
@@ -156,7 +158,8 @@ impl fmt::Display for ImagesReport {
     }
 }
 
-/// Pairs two images, or the images of two folders by their names. Returns the names of maps that are left out, too.
+/// Pairs two images, or the images of two folders by their names. Also returns the names of the maps that were left
+/// out.
 fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<(Vec<Files>, Vec<String>), MeasuringError> {
     if !images.is_dir() && !references.is_dir() {
         if let Some(path) = mask.filter(|mask| mask.is_dir()) {
@@ -257,7 +260,7 @@ mod tests {
         assert_eq!(report.csv().lines().count(), 3);
         let error = compare("a", "b/1.png").unwrap_err();
         assert!(error.contains("1.png is no folder"), "{error}");
-        // Folders of rendered frames: their maps are no images.
+        // Folders of rendered frames: their maps are left out.
         ["a/mask.png", "b/mask.png", "b/segmentation.png"].iter().for_each(|name| write(name, 50, 255));
         assert!(compare("a", "b").unwrap_err().contains("segmentation.png is only in"));
         std::fs::write(dir.path().join("b/frame.json"), "{}").unwrap();

@@ -1,4 +1,4 @@
-//! Metrics of one row of the table: the low quality, a generator, or the high quality rendered again.
+//! Metrics of one row of the report: the low quality, a generator, or the high quality rendered again.
 
 use std::path::PathBuf;
 
@@ -12,22 +12,22 @@ use crate::quality::structures::{contrast_lost, structures};
 use crate::quality::{FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, cut, frechet_distance_of};
 use crate::statistics::mean;
 
-/// Feature vectors of the crops and of the full field of view.
+/// Feature vectors of crops and of full fields of view, one per image.
 #[derive(Clone, Default)]
 pub(super) struct Vectors {
     pub(super) crops: Vec<Vec<f64>>,
     pub(super) full: Vec<Vec<f64>>,
 }
 
-/// A tuple with the data to judge its images.
+/// A tuple with the data needed to judge its images.
 pub(super) struct Judged<'a> {
     pub(super) tuple: &'a Tuple,
-    /// Number of the tuple.
+    /// Index of the tuple.
     pub(super) index: usize,
-    /// Upper left corners of its crops.
+    /// Upper left corner [x, y] of each crop, pixels.
     pub(super) places: Vec<[usize; 2]>,
     pub(super) side: usize,
-    /// Pixels behind bone, if the scanlines are known.
+    /// Whether each pixel lies behind bone along its scanline; `None` if the scanlines are unknown.
     pub(super) behind: Option<Vec<bool>>,
 }
 
@@ -36,20 +36,20 @@ pub(super) struct Judged<'a> {
 pub struct ImageScores {
     /// Index of the tuple.
     pub index: usize,
-    /// On the full field of view.
+    /// Scores on the full field of view.
     pub full: Scores,
-    /// With the crop's left and top.
+    /// Left and top of each crop, pixels, and the scores on it.
     pub crops: Vec<([usize; 2], Scores)>,
 }
 
-/// Accumulated metrics of a row.
+/// Metrics of a row, accumulated over its images.
 #[derive(Default)]
 pub(super) struct Row {
     pub(super) name: String,
     pub(super) model: Option<PathBuf>,
     pub(super) variant: Option<Variant>,
     pub(super) images: Vec<ImageScores>,
-    /// Feature vectors per extractor.
+    /// Feature vectors of the images, by extractor.
     pub(super) vectors: Vec<Vectors>,
     tissues: Vec<RegionSum>,
     behind: RegionSum,
@@ -62,53 +62,54 @@ pub(super) struct Row {
 pub struct RowReport {
     /// `LQ`, the generator's name, or the name of the repeated high quality.
     pub name: String,
-    /// File of the generator.
+    /// Model file of the generator, if the row is one.
     pub model: Option<PathBuf>,
-    /// Maps that the generator takes.
+    /// Maps that the generator takes, if the row is one.
     pub variant: Option<Variant>,
-    /// On random crops.
+    /// Scores on random crops; `None` without crops.
     pub crops: Option<Summary>,
-    /// On the full field of view.
+    /// Scores on the full field of view.
     pub full: Summary,
-    /// Distances to the target's features.
+    /// Fréchet distances to the features of the high quality, one per extractor.
     pub distances: Vec<Distance>,
-    /// Lost share of the contrast at tissue borders, mean over images.
+    /// Lost share of the contrast at tissue borders, mean over images; `None` without such borders.
     pub contrast_lost: Option<f64>,
-    /// Errors of each tissue present.
+    /// Errors of each tissue in the images.
     pub tissues: Vec<TissueRow>,
-    /// Behind bone.
+    /// Errors behind bone; `None` without such pixels.
     pub behind_bone: Option<RegionError>,
-    /// In the rest of the sector.
+    /// Errors in the rest of the sector; `None` without such pixels.
     pub elsewhere: Option<RegionError>,
     /// Scores of each image.
     pub images: Vec<ImageScores>,
 }
 
-/// A Fréchet distance.
+/// A Fréchet distance, named after its extractor.
 #[derive(Debug, Clone, Serialize)]
 pub struct Distance {
-    /// Name.
+    /// Name of the distance.
     pub name: String,
-    /// Of the crops; `None` with fewer than two vectors.
+    /// Distance of the crops; `None` with fewer than two feature vectors.
     pub crops: Option<f64>,
-    /// Of the full fields of view; `None` with fewer than two vectors.
+    /// Distance of the full fields of view; `None` with fewer than two feature vectors.
     pub full: Option<f64>,
 }
 
 /// Errors of one tissue.
 #[derive(Debug, Clone, Serialize)]
 pub struct TissueRow {
-    /// Name.
+    /// Name of the tissue.
     pub tissue: String,
-    /// Share of the pixels inside the sectors.
+    /// Share of this tissue in the pixels inside the sectors.
     pub share: f64,
-    /// Errors of its grey levels.
+    /// Errors of the tissue's grey levels.
     #[serde(flatten)]
     pub error: RegionError,
 }
 
 impl Judged<'_> {
-    /// Adds the features of `image`, on crops and on the full field of view, to the vectors of each extractor.
+    /// Computes the features of `image`, on its crops and on the full field of view. Appends them to each extractor's
+    /// vectors.
     pub(super) fn features(
         &self,
         image: &[u8],
@@ -156,7 +157,7 @@ impl Row {
         }
     }
 
-    /// Judges an image of the row.
+    /// Judges an image and adds its metrics to the row.
     pub(super) fn add(
         &mut self,
         judged: &Judged<'_>,
@@ -181,7 +182,7 @@ impl Row {
         Ok(())
     }
 
-    /// The row's means and distances to the features of the target.
+    /// The row's mean scores, and its distances to the target's feature vectors.
     pub(super) fn report(
         self,
         names: &[String],

@@ -1,10 +1,11 @@
 //! Evaluation of images and of generators: PSNR, SSIM, pKL and Fréchet distances, tables and sheets.
 //!
-//! [`compare`] scores image files against references. [`Evaluation`] scores low quality and generators on the tuples of a
-//! data set: on random crops and on the full field of view, by tissue, and behind bone. [`steadiness`] measures how much
-//! generated frames flicker as the probe slides. Without the feature `generator`, only
-//! [`compare`] without a feature extractor and [`steadiness`] without generators work.
+//! [`compare`] scores image files against references. [`Evaluation`] scores low quality and generators on the tuples of
+//! a data set: on random crops, on the full field of view, by tissue, and behind bone. [`steadiness`] measures how much
+//! generated frames flicker as the probe slides.
 //!
+//! Without the feature `generator`, only [`compare`] without a feature extractor and [`steadiness`] without generators
+//! work.
 //! ```no_run
 //! use std::path::{Path, PathBuf};
 //!

@@ -1,4 +1,4 @@
-//! Generators and feature extractors to judge with.
+//! Generators to judge, and feature extractors to judge them with.
 
 use std::path::PathBuf;
 
@@ -12,36 +12,36 @@ use crate::transducer::ScanGeometry;
 /// Models of an evaluation.
 #[derive(Debug, Clone, Default)]
 pub struct Models {
-    /// Generators (.onnx), each with its manifest beside it; the best last.
+    /// Generator files (.onnx), each with its manifest beside it. The best generator comes last.
     pub generators: Vec<PathBuf>,
     /// Execution provider of the generators.
     pub provider: Provider,
     /// Precision of the generators.
     pub precision: Precision,
-    /// Threads of one run, 0 for one per processor.
+    /// Threads of one generator run; 0 for one per processor.
     pub threads: u32,
-    /// Feature extractor of a further Fréchet distance.
+    /// Feature extractor of a second Fréchet distance, if wanted.
     pub features: Option<FeatureModel>,
 }
 
-/// Feature extractor by a model.
+/// Feature extractor with an ONNX model.
 #[derive(Debug, Clone)]
 pub struct FeatureModel {
-    /// Model (.onnx): float32 [1, 1 or 3, side, side] to [1, d].
+    /// Model file (.onnx). The model maps float32 [1, 1 or 3, side, side] to [1, d].
     pub path: PathBuf,
-    /// Scale of its input.
+    /// Scale of the model's input values.
     pub scale: FeatureScale,
 }
 
 impl FeatureModel {
-    /// Loads the model.
+    /// Loads the feature extractor.
     pub(super) fn load(&self) -> Result<OnnxFeatures, MeasuringError> {
         Ok(OnnxFeatures::load(&self.path, Runtime::get()?, self.scale)?)
     }
 }
 
 impl Models {
-    /// Loads the generators, each with a unique name; `tissues` are names from number 1.
+    /// Loads the generators, each with a unique name. `tissues` holds the tissue names from class number 1.
     pub(super) fn load_generators(&self, tissues: &[String]) -> Result<Vec<(String, Generator)>, MeasuringError> {
         if self.generators.is_empty() {
             return Ok(Vec::new());
@@ -55,7 +55,7 @@ impl Models {
         Ok(distinct(&names).into_iter().zip(loaded).collect())
     }
 
-    /// Loads the built-in network texture64, and the feature extractor.
+    /// Loads the built-in network texture64, and the further feature extractor if there is one.
     pub(super) fn load_extractors(&self) -> Result<Vec<Extractor>, MeasuringError> {
         let mut all = vec![OnnxFeatures::texture64(Runtime::get()?)?];
         if let Some(features) = &self.features {
@@ -70,7 +70,7 @@ impl Models {
     }
 }
 
-/// Runs a generator on the full field of view of a tuple.
+/// Runs a generator on the full field of view of a tuple, into `image`.
 pub(super) fn generate(
     generator: &mut Generator,
     tuple: &Tuple,
@@ -91,14 +91,14 @@ pub(super) fn generate(
     Ok(generator.run(&input, image)?)
 }
 
-/// A feature extractor and the name of its distance.
+/// A feature extractor and the name of its Fréchet distance.
 #[derive(Debug)]
 pub(super) struct Extractor {
     pub(super) label: String,
     pub(super) network: OnnxFeatures,
 }
 
-/// Adds the features of the crops of an image to `vectors`.
+/// Appends the features of an image's crops to `vectors`.
 pub(super) fn add_features(
     network: &mut OnnxFeatures,
     image: &[u8],
@@ -111,7 +111,8 @@ pub(super) fn add_features(
     Ok(())
 }
 
-/// Name of a distance: FID for Inception v3, recognised by its name, input side and 2048 features.
+/// Name of a Fréchet distance. It is FID for Inception v3, which is recognised by its name, input side and 2048
+/// features.
 fn label(name: &str, side: usize, length: usize) -> String {
     let is_inception = name.to_ascii_lowercase().contains("inception") && (side, length) == (299, 2048);
     if is_inception { "FID".to_owned() } else { format!("FD {name}") }

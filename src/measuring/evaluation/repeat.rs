@@ -10,17 +10,17 @@ use crate::render::twin::hash::pcg3d;
 /// Request to render the high quality again with other random choices.
 #[derive(Debug, Clone, Copy)]
 pub struct Repeat<'a> {
-    /// Renderer.
+    /// Backend of the renders.
     pub backend: &'a Backend,
-    /// Renders of each tuple, at least 1; their mean is judged, too.
+    /// Renders of each tuple, at least 1. Their mean is judged as well.
     pub renders: u32,
 }
 
 impl<'a> Repeat<'a> {
-    /// A renderer for each lane.
+    /// One renderer for each lane, a worker that renders tuples in parallel to others.
     ///
     /// # Errors
-    /// A request without renders.
+    /// A request for zero renders.
     pub(super) fn lanes(&self) -> Result<Vec<Lane<'a>>, MeasuringError> {
         let Self { backend, renders } = *self;
         if renders == 0 {
@@ -35,11 +35,11 @@ impl<'a> Repeat<'a> {
 pub(super) struct RepeatJob<'a> {
     row: &'a Row,
     scene: Arc<TupleScene>,
-    /// Whether it is rendered with its own seed, too.
+    /// Whether to render it with its own seed as well, for comparison with the data set.
     check: bool,
 }
 
-/// Scenes of the tuples, and stations checked by rendering one tuple with its own seed.
+/// Makes the jobs. For each station, one tuple is rendered with its own seed as well, as a check.
 pub(super) struct Jobs<'a> {
     dataset: &'a Dataset,
     scenes: Scenes<'a>,
@@ -51,7 +51,7 @@ impl<'a> Jobs<'a> {
         Self { dataset, scenes: Scenes::new(dataset.header.classes.clone(), progress), seen: Vec::new() }
     }
 
-    /// The job of a tuple.
+    /// Job to render the high quality of a tuple again.
     pub(super) fn of(&mut self, row: &'a Row) -> Result<RepeatJob<'a>, DatasetError> {
         let scene = self.scenes.of(&self.dataset.station(row)?)?;
         let check = !self.seen.contains(&row.station.as_str());
@@ -64,17 +64,17 @@ impl<'a> Jobs<'a> {
 
 /// High quality of a tuple, rendered again.
 pub(super) struct Rendered {
-    /// With its own seed, if that was asked for.
+    /// Image with the tuple's own seed; `None` if not requested.
     own: Option<Vec<u8>>,
-    /// The first image with another seed, and the mean of all.
+    /// The first image with another seed, and the mean of all images with other seeds.
     pub(super) images: [Vec<u8>; 2],
 }
 
 impl Rendered {
-    /// Whether the tuple's own seed gives `hq`, as far as it was rendered.
+    /// Whether the image with the tuple's own seed equals `hq`; true if that image was not rendered.
     ///
     /// # Errors
-    /// Images of another size.
+    /// Images of different sizes.
     pub(super) fn is_of_this_machine(&self, row: &Row, hq: &[u8]) -> Result<bool, MeasuringError> {
         let Some(own) = &self.own else { return Ok(true) };
         if own.len() != hq.len() {
@@ -89,7 +89,7 @@ impl Rendered {
     }
 }
 
-/// Renders the high quality of tuples again.
+/// Worker that renders the high quality of tuples again.
 pub(super) struct Lane<'a> {
     renderer: TupleRenderer<'a>,
     renders: u32,
@@ -97,7 +97,7 @@ pub(super) struct Lane<'a> {
 }
 
 impl Lane<'_> {
-    /// Renders a tuple as often as was requested.
+    /// Renders a tuple as often as requested.
     pub(super) fn render(&mut self, job: &RepeatJob<'_>) -> Result<Rendered, DatasetError> {
         let &RepeatJob { row, ref scene, check } = job;
         let own = check.then(|| Ok::<_, DatasetError>(self.renderer.high_quality(scene, row, row.seed)?.to_vec()));
@@ -105,7 +105,7 @@ impl Lane<'_> {
         let mut one = Vec::new();
         self.sums.clear();
         for number in 1..=self.renders {
-            // Hashed, so that the seeds are unrelated.
+            // Hashing makes the seeds unrelated.
             let seed = pcg3d([row.seed, number, 0])[0];
             let image = self.renderer.high_quality(scene, row, seed)?;
             self.sums.resize(image.len(), 0);

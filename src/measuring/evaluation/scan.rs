@@ -1,4 +1,4 @@
-//! Scanlines of the pictures of a data set.
+//! Scanlines of the pictures in a data set.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::quality::Scanlines;
 use crate::station::{Station, StationError};
 use crate::transducer::{Probe, ScanGeometry};
 
-/// Scanlines of pictures of one station and size.
+/// Scanlines of the pictures of one station and size.
 pub(super) struct Scan {
     /// Scanline and depth of every pixel.
     pub(super) scanlines: Scanlines,
@@ -16,7 +16,7 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    /// Scanlines of a row's pictures.
+    /// Scanlines of the pictures of a tuple.
     pub(super) fn of(dataset: &Dataset, row: &TupleRow) -> Result<Self, StationError> {
         let (probe, [width, height]) = (probe(dataset, row)?, row.size);
         let geometry = ScanGeometry::fit(&probe, width, height);
@@ -24,7 +24,7 @@ impl Scan {
     }
 }
 
-/// Probe of a row, from the station's file in the data set. Its scene need not exist.
+/// Probe of a tuple, from its station file in the data set. The station's scene need not exist.
 pub(super) fn probe(dataset: &Dataset, row: &TupleRow) -> Result<Probe, StationError> {
     let path = dataset.directory.join(&row.station);
     let text = files::read_text(&path, FileKind::Station).map_err(FileError::at("read the station file", &path))?;

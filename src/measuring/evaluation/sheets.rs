@@ -1,4 +1,4 @@
-//! Pictures of some tuples: low quality, generated images, the target, and the remaining difference.
+//! Sheets of pictures of some tuples: low quality, generated images, the target, and the remaining difference.
 
 use std::path::{Path, PathBuf};
 
@@ -14,9 +14,9 @@ use crate::report::comparison_sheet::Panel;
 use crate::sink::create_dir;
 use crate::transducer::ScanGeometry;
 
-/// Width of a full field of view, pixels.
+/// Width of a full field of view on a sheet, pixels.
 const WIDTH: u32 = 460;
-/// Side of the detail at full size, pixels.
+/// Side of the detail, shown at its original size, pixels.
 const DETAIL: usize = 400;
 
 /// Writes a sheet for the best, the median and the worst tuple by the PSNR of the last row.

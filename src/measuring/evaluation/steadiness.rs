@@ -1,4 +1,4 @@
-//! Steadiness of generated frames while the probe slides in its image plane.
+//! Steadiness of generated frames while the probe slides in its scan plane.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,10 +15,10 @@ use crate::quality::Steadiness;
 use crate::render::{Backend, Effect, Frame, FrameQuality, Quality, RenderSettings, Renderer};
 use crate::station::{Poses, Station, StationError};
 
-/// Slide of the probe in its image plane.
+/// Slide of the probe in its scan plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slide {
-    /// Frames, at least 2.
+    /// Number of frames, at least 2.
     pub frames: usize,
     /// Displacement from frame to frame, pixels.
     pub step_pixels: u32,
@@ -31,33 +31,33 @@ impl Default for Slide {
     }
 }
 
-/// Steadiness of low quality, generators and target.
+/// Steadiness of low quality, of generators and of the target.
 #[derive(Debug, Clone, Serialize)]
 pub struct SteadinessReport {
-    /// Station file.
+    /// Path of the station file.
     pub station: PathBuf,
-    /// Frames of the slide.
+    /// Number of frames of the slide.
     pub frames: usize,
-    /// Slide from frame to frame, pixels.
+    /// Displacement from frame to frame, pixels.
     pub step_pixels: u32,
-    /// Slide from frame to frame, mm.
+    /// Displacement from frame to frame, mm.
     pub step_mm: f64,
-    /// Low quality, generators, target.
+    /// Low qualities, each with its generators, then the target.
     pub rows: Vec<SteadinessRow>,
 }
 
-/// Steadiness of a sequence.
+/// Steadiness of a sequence of frames.
 #[derive(Debug, Clone, Serialize)]
 pub struct SteadinessRow {
-    /// Quality, or the generator's name.
+    /// Name of the quality or of the generator.
     pub name: String,
-    /// Differences of neighbouring frames.
+    /// Differences between successive frames.
     #[serde(flatten)]
     pub steadiness: Steadiness,
 }
 
-/// Renders the slide in high quality, and in each low quality as a live session does; runs the generators on the frames
-/// that they were trained for. The high quality is the training target of the first model.
+/// Renders the slide in high quality, and in each low quality as a live session does. Runs each generator on the low
+/// quality that it was trained for. The high quality is the training target of the first generator.
 ///
 /// The probe slides laterally by whole pixels, so that the warp between frames is exact. The scene is static, and all
 /// frames have the station's seed, as in a live session.
@@ -148,7 +148,7 @@ pub fn steadiness(
     })
 }
 
-/// `frames` poses along the probe's x axis, centred on `middle`, and `before` of them on the way there.
+/// `frames` poses along the probe's x axis, centred on `middle`. Before them come `before` poses on the way there.
 fn slide(middle: &Pose, frames: usize, before: usize, step_mm: f64) -> Vec<Pose> {
     let axis = middle.transform_vector(DVec3::X);
     let at = |i: usize| (i as f64 - before as f64 - 0.5 * (frames as f64 - 1.0)) * step_mm;

@@ -1,4 +1,4 @@
-//! Tables of generators as Markdown, and one line per image as CSV.
+//! Tables of an evaluation as Markdown, and one line per image as CSV.
 
 use std::fmt::Write;
 
@@ -8,11 +8,11 @@ use super::steadiness::SteadinessReport;
 use crate::measuring::table::csv_field;
 use crate::quality::{RegionError, Scores, Summary};
 
-/// Least share of the pixels for a tissue in the printed table; the JSON has all tissues.
+/// Least share of the pixels for a tissue to appear in the printed table. The JSON has all tissues.
 const SHARE_MIN: f64 = 0.002;
 
 impl DatasetReport {
-    /// All tables as Markdown.
+    /// All tables of the report as Markdown.
     pub fn markdown(&self) -> String {
         let DatasetReport {
             dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, ..
@@ -37,7 +37,7 @@ impl DatasetReport {
         text
     }
 
-    /// A line for each image and crop: tuple, row, part, corner, PSNR, SSIM and pKL.
+    /// CSV with a line for each image and crop: tuple, row, part, corner, PSNR, SSIM and pKL.
     pub fn csv(&self) -> String {
         let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
         for row in &self.rows {
@@ -55,7 +55,7 @@ impl DatasetReport {
 }
 
 impl SteadinessReport {
-    /// Table as Markdown.
+    /// Table of the steadiness as Markdown.
     pub fn markdown(&self) -> String {
         let SteadinessReport { station, frames, step_pixels, step_mm, rows } = self;
         let mut text = format!(
@@ -101,7 +101,7 @@ fn table(
     text + "\n"
 }
 
-/// Errors behind bone, and lost structures.
+/// Table of errors behind bone, and of lost contrast at tissue borders.
 fn shadows(rows: &[RowReport]) -> String {
     let mut text =
         "Behind bone (mean grey level, its difference from the target's, and the mean magnitude of the pixels' \
@@ -125,7 +125,7 @@ fn shadows(rows: &[RowReport]) -> String {
     text + "\n"
 }
 
-/// One line per tissue: its share, the target's level, and the errors of each row.
+/// Table with one line per tissue: its share, the target's level, and the errors of each row.
 fn tissues(rows: &[RowReport]) -> String {
     let Some(first) = rows.first() else { return String::new() };
     let mut text =
@@ -154,7 +154,7 @@ fn tissues(rows: &[RowReport]) -> String {
     text + "\n"
 }
 
-/// The columns psnr_db, ssim and pkl.
+/// CSV fields psnr_db, ssim and pkl.
 pub(super) fn csv_scores(Scores { psnr_db, ssim, pkl }: &Scores) -> String {
     let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
     format!("{psnr_db},{ssim},{pkl}")

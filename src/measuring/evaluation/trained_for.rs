@@ -1,10 +1,10 @@
-//! Qualities that generators were trained for, compared with the qualities of a data set.
+//! Comparison of the qualities that generators were trained for with the qualities of a data set.
 
 use crate::dataset::Header;
 use crate::generator::Training;
 use crate::render::FrameQuality;
 
-/// Frames of a data set in words: `1x1 of 9 angles`.
+/// Quality of a data set's frames in words, such as `1x1 of 9 angles`.
 fn words([rays, layers]: [u32; 2], angles: u32) -> String {
     match angles {
         0 | 1 => format!("{rays}x{layers}"),
@@ -16,8 +16,8 @@ fn words_of(quality: &FrameQuality) -> String {
     words([quality.rays, quality.layers], quality.angles)
 }
 
-/// Notes on a generator whose training used another target, or other inputs, than the data set has. A generator without
-/// records of its training has none.
+/// Remarks on a generator that was trained for another target, or for other inputs, than the data set has; empty if its
+/// manifest does not record the training.
 pub(super) fn notes(name: &str, training: &Training, header: &Header) -> Vec<String> {
     let mut notes = Vec::new();
     let target = words(header.hq, header.look.hq_angles);

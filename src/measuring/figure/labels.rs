@@ -1,25 +1,25 @@
-//! Label placement in a figure, without overlap between labels or with points.
+//! Placement of labels in a figure, clear of other labels and of markers.
 
 /// A rectangle, pixels: left, top, right, bottom.
 pub(super) type Rect = [i32; 4];
 
-/// Distance of a label from its point, pixels.
+/// Distance of a label from its marker, pixels.
 const GAP: i32 = 9;
 /// Half the height of a label with its margin, pixels.
 const HALF_HEIGHT: i32 = 8;
-/// Half the side of the square kept free around a point, pixels.
+/// Half the side of the square kept free around a marker, pixels.
 const MARKER: i32 = 6;
-/// Rows tried for a label, above and below its point.
+/// Number of label positions tried above and below a marker.
 const LINES: i32 = 7;
 
-/// Rectangle kept free around a point.
+/// Rectangle kept free around the marker at a pixel.
 pub(super) fn marker((x, y): (i32, i32)) -> Rect {
     [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
 }
 
-/// Position of each label within `frame`: left end and vertical centre; `None` if no position is free.
-/// `names` holds point and width of each, pixels, in order of priority. A label lies at its point, or farther
-/// off if that position is occupied by another label or by `taken`.
+/// Left end and vertical centre of each label within `frame`, pixels; `None` if no position is free. `names` holds the
+/// marker's position and the label's width, in order of priority. A label lies at its marker, or farther off if another
+/// label or a rectangle of `taken` is there.
 pub(super) fn positions(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
     names
         .iter()
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn a_name_alone_is_at_the_upper_right_of_its_point() {
         assert_eq!(positions(&[((100, 300), 80)], vec![marker((100, 300))], FRAME), [Some((109, 289))]);
-        // At the figure's right edge the label is on the left.
+        // At the figure's right edge, the label lies to the left of its marker.
         assert_eq!(positions(&[((990, 300), 80)], vec![marker((990, 300))], FRAME), [Some((901, 289))]);
     }
 

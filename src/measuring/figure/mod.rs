@@ -1,7 +1,7 @@
-//! Figure of time on a log axis and error, as SVG and PNG.
+//! Figure of error over time (logarithmic axis) of operating points, as SVG and PNG.
 //!
-//! `plotters` draws both. In the SVG, text stays text. In the PNG it uses the bitmap font of the image captions, which
-//! needs no installed font.
+//! The crate `plotters` draws both. In the SVG, text stays text. The PNG uses the bitmap font of the image captions, so
+//! it needs no installed font.
 
 mod labels;
 mod panel;
@@ -19,24 +19,24 @@ use plotters_backend::{BackendColor, BackendCoord, BackendTextStyle, DrawingBack
 use super::table::shown;
 use super::{EffectError, Point};
 
-/// Height of the text, pixels.
+/// Height of text, pixels.
 const TEXT: u32 = 16;
 
-/// Size of the figure without the panel of effects, pixels.
+/// Width and height of the figure without the panel of effects, pixels.
 const SIZE: (u32, u32) = (1200, 800);
-/// Times of LQ and HQ in Zhang et al. 2020 on a 2080 Ti, ms.
+/// Frame times of LQ and HQ in Zhang et al. 2020 on a 2080 Ti, ms, with their captions.
 const PAPER: [(f64, &str); 2] = [(40.0, "paper, 2080 Ti: LQ 40 ms"), (75.0, "paper, 2080 Ti: HQ 75 ms")];
 
 /// Data of a figure.
 #[derive(Debug, Clone, Copy)]
 pub struct Figure<'a> {
-    /// Measured points.
+    /// Measured operating points.
     pub points: &'a [Point],
-    /// Errors of effects, in a panel of their own.
+    /// Errors of effects, drawn in a panel below.
     pub effects: &'a [EffectError],
-    /// Text above.
+    /// Title above the figure.
     pub title: &'a str,
-    /// False marks the axis: the reference is not converged.
+    /// Whether the reference is converged; if not, the error axis says so.
     pub converged: bool,
 }
 
@@ -53,10 +53,10 @@ impl Figure<'_> {
     }
 }
 
-/// Figure as SVG.
+/// The figure as SVG.
 ///
 /// # Errors
-/// Message of the drawing library.
+/// The message of the drawing library.
 pub fn svg(figure: &Figure<'_>) -> Result<String, String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, figure.size()).into_drawing_area();
@@ -66,10 +66,10 @@ pub fn svg(figure: &Figure<'_>) -> Result<String, String> {
     Ok(text)
 }
 
-/// Figure as pixels: width, height, RGB [height × width × 3].
+/// The figure as pixels: width, height, and RGB values [height × width × 3].
 ///
 /// # Errors
-/// Message of the drawing library.
+/// The message of the drawing library.
 pub fn rgb(figure: &Figure<'_>) -> Result<(u32, u32, Vec<u8>), String> {
     let (width, height) = figure.size();
     let mut raster = Raster { image: RgbImage::from_pixel(width, height, Rgb([255; 3])) };
@@ -131,7 +131,7 @@ fn draw<B: DrawingBackend>(
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
     let mut names = Vec::new();
-    // Legend.
+    // Area of the legend.
     let mut taken = vec![[SIZE.0 as i32 - 260, 75, SIZE.0 as i32, 100 + 22 * 8]];
     for point in &drawn {
         let known = sweeps.iter().position(|sweep| *sweep == point.sweep);
@@ -142,7 +142,7 @@ fn draw<B: DrawingBackend>(
         let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
-        // A thin line from the same point without all effects, or from the raw frame.
+        // A thin line to this point: from the same point without all effects, or from the generator's raw frame.
         let is_led_to = point.knobs.all_effects || point.generator.is_some();
         let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
         if let Some(other) = other {
@@ -160,7 +160,7 @@ fn draw<B: DrawingBackend>(
         } else {
             chart.draw_series([Circle::new(at, size, style)])?;
         }
-        // Coincident points share one label.
+        // A point that coincides with its neighbour within the noise gets no label.
         let apart = !(point.error_is_noise && point.time_is_noise);
         let named = point.on_front || point.generator.is_some() || point.sweep == "all effects";
         let marker = chart.as_coord_spec().translate(&at);
@@ -177,7 +177,7 @@ fn draw<B: DrawingBackend>(
     legend(area, &sweeps)
 }
 
-/// Draws names at their markers, clear of the rectangles `taken`, as far as there is room.
+/// Draws names next to their markers, clear of the rectangles `taken`. Names without a free position are left out.
 fn label<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     names: Vec<((i32, i32), String)>,
@@ -189,7 +189,7 @@ fn label<B: DrawingBackend>(
     for ((marker, name), position) in names.into_iter().zip(labels::positions(&sizes, taken, frame)) {
         let Some((x, y)) = position else { continue };
         if (y - marker.1).abs() > TEXT as i32 {
-            // A distant label gets a line to its point.
+            // A label far from its marker gets a line to it.
             let end = if x > marker.0 { x } else { marker.0 - 9 };
             area.draw(&PathElement::new(vec![marker, (end, y)], RGBColor(190, 190, 190)))?;
         }
@@ -198,12 +198,12 @@ fn label<B: DrawingBackend>(
     Ok(())
 }
 
-/// Style of a text of this colour at its anchor.
+/// Text style with a colour and an anchor.
 fn text(anchor: Pos, colour: &RGBColor) -> TextStyle<'static> {
     ("sans-serif", TEXT).into_font().color(colour).pos(anchor)
 }
 
-/// Draws the legend of the sweeps, and the caption of the time axis.
+/// Draws the legend, with one entry per sweep (varied quality setting), and the caption of the time axis.
 fn legend<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     sweeps: &[&str],
@@ -227,7 +227,7 @@ fn legend<B: DrawingBackend>(
     area.draw(&Text::new(under, (70, height as i32 - 15), text(from_left, &BLACK)))
 }
 
-/// Colours distinguishable by the colour-blind (Okabe and Ito 2008).
+/// Colour number `index` of a palette that colour-blind people can tell apart (Okabe and Ito 2008).
 fn colour(index: usize) -> RGBColor {
     const COLOURS: [RGBColor; 8] = [
         RGBColor(0, 114, 178),
@@ -255,7 +255,7 @@ fn square((x, y): (i32, i32), style: ShapeStyle) -> Rectangle<(i32, i32)> {
     Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], style)
 }
 
-/// Image as a drawing target of `plotters`.
+/// Image that `plotters` draws on.
 struct Raster {
     image: RgbImage,
 }
@@ -393,7 +393,7 @@ mod tests {
         ] {
             assert!(text.contains(word), "`{word}` is missing");
         }
-        // Rectangles of this size: two generators and their legend entry.
+        // Squares of this size: two generators and their legend entry.
         let squares = text.matches(r#"width="12" height="12""#).count();
         assert_eq!(squares, 3, "{text}");
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
@@ -402,7 +402,7 @@ mod tests {
         assert_eq!(pixels.len(), (3 * width * height) as usize);
         let ink = pixels.chunks_exact(3).filter(|p| p.iter().all(|&v| v < 128)).count();
         assert!(ink > 3000, "{ink}");
-        // First point of the front.
+        // Colour of the first sweep.
         assert!(pixels.chunks_exact(3).any(|p| p == [0, 114, 178]));
     }
 

@@ -1,4 +1,4 @@
-//! Panel below the figure: errors of effects and looks against theory.
+//! Panel below the figure: errors of effects and of post-processing ("look") against theory.
 
 use plotters::coord::Shift;
 use plotters::drawing::DrawingAreaErrorKind;
@@ -8,13 +8,13 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::{colour, text};
 use crate::measuring::EffectError;
 
-/// Heights of the title, of a row and of the axis, pixels.
+/// Heights of the title, of each row and of the axis, pixels.
 const TITLE: i32 = 56;
 const ROW: i32 = 34;
 const AXIS: i32 = 40;
-/// Left and right end of the scale, pixels.
+/// Left and right end of the error scale, pixels.
 const SCALE: [i32; 2] = [660, 1130];
-/// Ends of the scale: errors over their tolerances.
+/// Errors at both ends of the scale, as multiples of their tolerances.
 const ENDS: [f64; 2] = [0.03, 30.0];
 
 /// Height of the panel, pixels; 0 without effects.
@@ -22,14 +22,14 @@ pub(super) fn height(effects: &[EffectError]) -> u32 {
     if effects.is_empty() { 0 } else { (TITLE + AXIS) as u32 + ROW as u32 * effects.len() as u32 }
 }
 
-/// Position of an error on the scale, pixels.
+/// Horizontal position on the scale, pixels, of an error given as a multiple of its tolerance.
 fn position(part: f64) -> i32 {
     let [from, to] = ENDS.map(f64::ln);
     let along = ((part.max(f64::MIN_POSITIVE).ln() - from) / (to - from)).clamp(0.0, 1.0);
     SCALE[0] + (along * f64::from(SCALE[1] - SCALE[0])).round() as i32
 }
 
-/// Draws the panel.
+/// Draws the panel of effects.
 pub(super) fn draw<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     effects: &[EffectError],
