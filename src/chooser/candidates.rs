@@ -1,4 +1,4 @@
-//! Operating points that a station may run, with their errors and times.
+//! Operating points (a frame quality, with or without a generator) open to a station, with their errors and times.
 
 use super::control::Candidate;
 use super::times::Times;
@@ -10,20 +10,20 @@ use crate::settings::RenderSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
 
-/// Assumed ratio of output error to input error, for a generator without a measured error.
+/// Assumed ratio of output error to input error, for a generator without a known one.
 const UNMEASURED: f64 = 0.9;
-/// Target of generators whose own error ratio is comparable with the table of errors.
+/// Training target for which a generator's own error ratio is comparable with the table of errors.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
 
 /// Properties of a generator that decide the choice.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Model {
     pub(super) key: GeneratorKey,
-    /// Frames that it takes.
+    /// Frame qualities that the generator takes.
     pub(super) lq: Vec<FrameQuality>,
     pub(super) reads_maps: bool,
-    /// Ratio of output error to input error, by its manifest; none if the manifest lacks either, or its target
-    /// isn't [`TARGET`].
+    /// Ratio of output error to input error, from the PSNRs in its manifest. `None` if one is missing, or if its
+    /// training target isn't [`TARGET`].
     pub(super) error_ratio: Option<f64>,
 }
 
@@ -41,26 +41,27 @@ impl Model {
     }
 }
 
-/// Ratio of output error to input error, by a manifest.
+/// Ratio of output error to input error from a manifest's PSNRs; `None` if the input's is missing or the ratio is
+/// invalid.
 fn error_ratio(quality: &Quality) -> Option<f64> {
     let ratio = 10f64.powf((quality.lq_psnr_db? - quality.psnr_db) / 20.0);
     (ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
-/// Quality that settings ask for. A probe that doesn't steer has one angle.
+/// Frame quality that `settings` ask for. A probe that doesn't steer has one angle.
 pub(super) fn own_quality(settings: &RenderSettings, probe: &Probe) -> FrameQuality {
     let own = FrameQuality::of(settings);
     FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own }
 }
 
-/// Settings that a station leaves to the choice.
+/// Freedom of choice that a station leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Open {
-    /// Its own quality.
+    /// Frame quality in the station's own settings.
     pub(super) own: FrameQuality,
-    /// Whether the angles may be chosen.
+    /// Whether the number of steering angles may be chosen.
     angles: bool,
-    /// Whether the aperture may be left out.
+    /// Whether the effect `aperture` may be omitted.
     aperture: bool,
 }
 
@@ -69,25 +70,28 @@ impl Open {
         let own = own_quality(&station.settings, &station.probe);
         let steers = station.probe.kind.steers();
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
-        // For a fixed quality the hint compares the same points as with a budget.
+        // With a fixed quality, the hint about better points then compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
         Self { own, angles: angles && steers, aperture }
     }
 
-    /// Quality of the table as this station would render it; none if the station fixes it otherwise.
+    /// Returns a quality of the table if the station allows it; `None` if the station fixes angles or aperture
+    /// otherwise.
     fn here(&self, quality: FrameQuality) -> Option<FrameQuality> {
         let angles = self.angles || quality.angles == self.own.angles;
         let aperture = if quality.aperture { self.own.aperture } else { self.aperture || !self.own.aperture };
         (angles && aperture).then_some(quality)
     }
 
-    /// Quality that a generator takes, as this station would render it: without the aperture where the station has none.
+    /// Quality that this station would render for a generator that takes `quality`: without the aperture where the
+    /// station has none. `None` if the station fixes another number of angles.
     fn below_generator(&self, quality: FrameQuality) -> Option<FrameQuality> {
         let angles = self.angles || quality.angles == self.own.angles;
         angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
     }
 
-    /// Qualities to measure, by rising paths: open ones of the table, inputs of generators, and the station's own.
+    /// Qualities to measure, by increasing number of paths: those of the table that are open, inputs of generators, and
+    /// the station's own.
     pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
         let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
         let of_table =
@@ -103,7 +107,7 @@ impl Open {
         qualities
     }
 
-    /// All points with a known error and time.
+    /// All operating points with a known error and time.
     pub(super) fn candidates(
         &self,
         expected: &ExpectedErrors<'_>,
@@ -121,7 +125,7 @@ impl Open {
         let generated = generated.filter_map(|(index, model, trained_on)| {
             let quality = self.below_generator(trained_on)?;
             let known = expected.by_speed(trained_on, Some(&model.key));
-            // Its own figures are of other frames than the table's: only their ratio counts.
+            // The manifest's errors come from other frames than the table's, so only their ratio counts.
             let by_ratio = || Some(expected.by_speed(quality, None)?.times(model.error_ratio.unwrap_or(UNMEASURED)));
             let error = known.or_else(by_ratio)?;
             let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
@@ -130,10 +134,11 @@ impl Open {
         raw.chain(generated).collect()
     }
 
-    /// Points of the station's own quality: generators in their order, then the raw frame. Errors are ranks.
+    /// Operating points at the station's own quality: generators in their order, then the raw frame. Errors are only
+    /// ranks.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
-        // Without a measured time, frames do not show the load.
+        // With an unknown time, 0, rendered frames show no load.
         let render_ms = times.render(quality, true).unwrap_or(0.0);
         let of = |(rank, model): (usize, &Model)| {
             let (error, run_ms) = (BySpeed::all(1.0 + rank as f64), times.run(&model.key)?);
@@ -158,7 +163,7 @@ mod tests {
         Model { key, lq: vec![lq], reads_maps: false, error_ratio }
     }
 
-    /// Times that grow with the paths, and 20 ms for each run.
+    /// Times that grow with the number of paths, and 20 ms for each generator run.
     fn times(qualities: &[FrameQuality], models: &[Model]) -> Times {
         let mut times = Times::default();
         for quality in qualities {
@@ -169,7 +174,7 @@ mod tests {
         times
     }
 
-    /// Candidates of a station on a machine with [`times`], and the qualities measured there.
+    /// Qualities to measure at a station, and its candidates on a machine with [`times`].
     fn found(open: &Open, expected: &ExpectedErrors<'_>, models: &[Model]) -> (Vec<FrameQuality>, Vec<Candidate>) {
         let qualities = open.qualities(expected, models);
         let found = open.candidates(expected, &qualities, models, &times(&qualities, models));
@@ -224,7 +229,7 @@ mod tests {
         let (qualities, found) = found(&open, &expected, &models);
         let error = |generator| found.iter().find(|c| c.quality == ROLLING && c.generator == generator).unwrap().error;
         assert_eq!([error(Some(0)), error(Some(1))], [error(None).times(UNMEASURED), error(None).times(0.8)]);
-        // Without a time it is no candidate.
+        // Without a measured run, the generator is no candidate.
         let mut half = times(&qualities, &models[..1]);
         half.insert([2, 3], Some(30.0));
         assert!(open.candidates(&expected, &qualities, &models, &half).iter().all(|c| c.generator != Some(1)));
@@ -233,7 +238,7 @@ mod tests {
     #[test]
     fn a_models_own_figures_count_as_their_ratio() {
         let quality = |lq_psnr_db| Quality { psnr_db: 30.0, ssim: 0.9, lq_psnr_db, pkl: None, fid: None };
-        // Its data set is easier than the table's scenes: 30 dB are 8 grey levels.
+        // The generator's data set is easier than the table's scenes: 30 dB are 8 grey levels.
         let ratio = error_ratio(&quality(Some(28.0))).unwrap();
         assert!((ratio - 10f64.powf(-0.1)).abs() < 1e-12, "{ratio}");
         assert_eq!([error_ratio(&quality(None)), error_ratio(&quality(Some(f64::NAN)))], [None; 2]);

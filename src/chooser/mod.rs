@@ -1,10 +1,11 @@
-//! Operating points of a station on a machine: rays, layers, steering angles and a generator, their errors and times, and the
-//! choice among them.
+//! Operating points of a station on a machine, and the choice among them. A point has rays, layers, steering angles and
+//! maybe a generator, with an error and a time.
 //!
-//! Errors come from a table that is shipped ([`ErrorTable`](crate::measuring::ErrorTable)). Times are measured on the machine
-//! once and kept in the cache.
-//! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
-//! [`choose_still`] picks the quality of stills.
+//! Errors come from a shipped table ([`ErrorTable`](crate::measuring::ErrorTable)). Times are measured once on the
+//! machine and kept in the cache.
+//!
+//! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there
+//! on. [`choose_still`] picks the quality of stills.
 
 mod candidates;
 mod control;

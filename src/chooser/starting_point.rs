@@ -1,4 +1,4 @@
-//! The operating point that a session starts with.
+//! The first operating point of a session.
 
 use super::candidates::{Model, Open};
 use super::control::{FrameBudget, PointController};
@@ -9,26 +9,26 @@ use crate::pose::{BySpeed, Pose, ProbeSpeed};
 use crate::render::{Effect, FrameQuality, Renderer};
 use crate::station::Station;
 
-/// Part of a frame's period that rendering and generating may take: the rest goes to the displays.
+/// Fraction of a frame's period that rendering and generating may take. The rest is left to the displays.
 const PART_OF_PERIOD: f64 = 0.9;
-/// Part of the present error that another point must have to be worth a hint.
+/// Largest ratio of another point's error to the present one at which the user gets a hint.
 const HINT: f64 = 0.9;
 
 /// Controller of a session at its first operating point, and sentences for its user.
 #[derive(Debug, Default)]
 pub struct StartingPoint {
-    /// `None` if there is nothing to choose: a fixed quality without generators.
+    /// The controller; `None` if there is nothing to choose: a fixed quality without generators.
     pub controller: Option<PointController>,
-    /// Sentences about the choice: the point, its error and time, and the point that would fit better than a fixed quality.
+    /// Sentences about the choice: the point, its error and time, and a better point than a fixed quality.
     pub messages: Vec<String>,
 }
 
-/// Chooses the operating point of a live session at `pose`, else at the station's. The station's settings and the renderer become
-/// those of the point.
+/// Chooses the operating point of a live session from frames at `pose`, else at the station's pose. Applies the point
+/// to the station's settings and to the renderer.
 ///
 /// # Errors
-/// The shipped table of errors can't be read, or a frame of the measurement can't be rendered. A point that the device has no
-/// room for, or a model that doesn't run, is left out with a warning.
+/// The shipped table of errors can't be read, or a frame of the measurement can't be rendered. Points that don't fit
+/// the device's memory, and generators that don't run, are left out with a warning.
 pub fn choose(
     renderer: &mut Renderer,
     station: &mut Station,
@@ -37,7 +37,7 @@ pub fn choose(
 ) -> Result<StartingPoint, MeasuringError> {
     let mut messages = Vec::new();
     let budgeted = station.frame_budget_ms.is_some();
-    // The default quality is no choice that a hint could better.
+    // The default quality was not chosen by the user, so no hint compares it with others.
     let own = FrameQuality::of(&station.settings);
     if !budgeted && generators.is_empty() && own.paths() == 1 {
         return Ok(StartingPoint::default());
@@ -79,7 +79,7 @@ pub fn choose(
     Ok(StartingPoint { controller, messages })
 }
 
-/// Time that a frame may take, ms: the station's budget, within its period.
+/// Largest time of a frame, ms: the station's budget, limited to a fraction of the frame period.
 fn frame_ms(station: &Station, messages: &mut Vec<String>) -> f64 {
     let rate_hz = station.pipeline.frame_rate_hz;
     let most_ms = PART_OF_PERIOD * 1e3 / rate_hz;
@@ -93,7 +93,7 @@ fn frame_ms(station: &Station, messages: &mut Vec<String>) -> f64 {
     frame_budget_ms.min(most_ms)
 }
 
-/// The chosen point in a sentence; none if it isn't sure to keep the budget, which is logged as a warning.
+/// A sentence about the chosen point. `None` if the point may exceed the budget, which is logged as a warning instead.
 fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured: bool) -> Option<String> {
     let point = controller.point();
     let (ms, limit_ms) = (controller.expected_ms(&point), controller.limit_ms());
@@ -116,7 +116,7 @@ fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured:
     ))
 }
 
-/// The point that would fit better than a fixed quality, in a sentence; none if no point is much better.
+/// A sentence about a point that is much better than the fixed quality and keeps the budget; `None` if there is none.
 fn hint(
     expected: &ExpectedErrors<'_>,
     fixed: &PointController,

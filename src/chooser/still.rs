@@ -1,4 +1,4 @@
-//! Quality of stills within a budget of time.
+//! Quality of stills within a time budget.
 
 use std::fmt;
 
@@ -10,21 +10,22 @@ use crate::settings::RenderSettings;
 use crate::statistics::{sorted, upper_median};
 use crate::transducer::Probe;
 
-/// Timed frames of a quality, after one that warms it up. Their median counts.
+/// Timed frames of each quality, after one uncounted frame. Their median counts.
 const FRAMES: usize = 3;
 
-/// Quality chosen for stills, and the times that decided.
+/// Quality chosen for stills, and the measured times behind the choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillQuality {
-    /// Time that a frame may take, ms.
+    /// Largest time of a frame, ms.
     pub frame_budget_ms: f64,
-    /// The quality of least error within the budget; the quality of fewest paths if none keeps it.
+    /// The quality with the least error within the budget; if none keeps the budget, the one with the fewest paths.
     pub quality: FrameQuality,
-    /// Expected error, grey levels. For stills without the effect `aperture`, the error with it.
+    /// Expected error, grey levels. Stills without the effect `aperture` have the error of stills with it.
     pub error: f64,
-    /// Median time of its frames, ms; `None` if no frame had a time.
+    /// Median frame time of `quality`, ms; `None` if no valid time was measured.
     pub frame_ms: Option<f64>,
-    /// The first quality over the budget; its time in ms is `None` if the device has no room for it.
+    /// The first quality that exceeds the budget, and its time, ms. The time is `None` if the device has no room for
+    /// it.
     pub beyond: Option<(FrameQuality, Option<f64>)>,
 }
 
@@ -36,7 +37,7 @@ impl StillQuality {
 }
 
 impl fmt::Display for StillQuality {
-    /// The quality with its time, its error and the time of the next one.
+    /// Writes the quality with its time and error, and the time of the next quality.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { frame_budget_ms, quality, error, frame_ms, beyond } = self;
         let Some(ms) = frame_ms else {
@@ -46,7 +47,7 @@ impl fmt::Display for StillQuality {
             return write!(f, "nothing keeps {frame_budget_ms} ms here; {quality} is the least, and takes {ms:.1} ms");
         }
         write!(f, "{quality}, {ms:.1} ms of {frame_budget_ms}")?;
-        // The table has no errors of stills without the aperture.
+        // The table has no errors of stills without the effect `aperture`.
         if quality.aperture {
             write!(f, ", {error:.1} grey levels off the converged picture")?;
         }
@@ -58,9 +59,11 @@ impl fmt::Display for StillQuality {
     }
 }
 
-/// Chooses the quality of stills, and switches the renderer to `probe` and `settings` with it. Qualities are those of the shipped
-/// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed by rising number of paths, until
-/// one takes more than `frame_budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](crate::measuring::scene_name) of the station.
+/// Chooses the quality of stills, and configures the renderer with `probe`, `settings` and that quality. Qualities come
+/// from the shipped table of errors; angles, aperture and seed from `settings`.
+///
+/// Qualities are timed in order of their number of paths, until one takes more than `frame_budget_ms`. Their frames
+/// cycle through `poses`. `scene` is the station's [`scene_name`](crate::measuring::scene_name).
 ///
 /// # Errors
 /// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
@@ -91,7 +94,7 @@ pub fn choose_still(
     let chosen = search(&points, own, frame_budget_ms, |quality| {
         match renderer.reconfigure(probe, &quality.apply(settings, aperture)) {
             Ok(()) => {}
-            // The cheapest must work.
+            // The cheapest quality has to work.
             Err(RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. }))
                 if Some(quality) != first =>
             {
@@ -107,8 +110,9 @@ pub fn choose_still(
     Ok(chosen)
 }
 
-/// Searches `points`, qualities with their errors by rising paths; `own` is chosen if there are none. `frame_ms` renders a frame and
-/// returns its time, ms, or `None` if the device has no room for such frames. Times that are not finite are ignored.
+/// Chooses among `points`: qualities with their errors, by increasing number of paths. Without points it chooses `own`.
+/// `frame_ms` renders a frame and returns its time, ms, or `None` if the device has no room for it. Invalid times are
+/// ignored.
 fn search<E>(
     points: &[(FrameQuality, f64)],
     own: FrameQuality,
@@ -118,7 +122,7 @@ fn search<E>(
     let &(least, error) = points.first().unwrap_or(&(own, 0.0));
     let mut chosen = StillQuality { frame_budget_ms, quality: least, error, frame_ms: None, beyond: None };
     for &(quality, error) in points {
-        // Without an error there was no room.
+        // `Err(None)` means that the device has no room.
         let frames = timed(1, FRAMES, || frame_ms(quality).map_err(Some)?.ok_or(None));
         let ms = match frames {
             Ok(ms) => upper_median(&sorted(ms.into_iter().filter(|ms| ms.is_finite()))),
@@ -145,18 +149,18 @@ mod tests {
     use super::*;
     use crate::transducer::ProbeKind;
 
-    /// Qualities of a table, with errors that fall with the paths.
+    /// Qualities of a table, with errors that fall as the number of paths grows.
     fn points() -> Vec<(FrameQuality, f64)> {
         let of = |(rays, layers): (u32, u32)| (FrameQuality::new(rays, layers), 20.0 / f64::from(rays * layers).sqrt());
         [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (32, 3)].map(of).to_vec()
     }
 
-    /// Search on a machine that takes 10 ms plus `per_path` ms per path, and the number of its frames.
+    /// Result on a machine that takes 10 ms plus `per_path` ms per path, and the number of frames rendered.
     fn searched(points: &[(FrameQuality, f64)], frame_budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
         let mut frames = 0;
         let found = search::<()>(points, FrameQuality::LQ, frame_budget_ms, |quality| {
             frames += 1;
-            // The first of each quality compiles.
+            // The first frame of each quality compiles shaders.
             let warm = if frames % 4 == 1 { 1000.0 } else { 0.0 };
             Ok(Some(10.0 + per_path * f64::from(quality.paths()) + warm))
         });

@@ -1,4 +1,4 @@
-//! One frame of a station with its look and its record.
+//! One frame of a station with its post-processing ("look") and its record.
 
 use super::still::{StillQuality, choose_still};
 use crate::anatomy::Scene;
@@ -15,14 +15,15 @@ use crate::station::Station;
 pub struct StillFrame {
     /// The frame.
     pub frame: Frame,
-    /// Its inputs and times.
+    /// Inputs and times of the frame.
     pub record: FrameRecord,
-    /// Quality that the budget chose; `None` if the quality is fixed.
+    /// Quality chosen within the budget; `None` if the quality is fixed.
     pub chosen: Option<StillQuality>,
 }
 
-/// Renders a station's `scene` at `pose` and scene time `time_s` (s) with `settings`, and applies their look. A `frame_budget_ms`
-/// chooses rays and layers. Paths that met more interfaces than are kept are logged.
+/// Renders a station's `scene` at `pose` and scene time `time_s` (s) with `settings`, and applies the look of the
+/// settings. With `frame_budget_ms`, rays and layers are chosen. Paths that met more interfaces than can be kept are
+/// logged.
 ///
 /// # Errors
 /// A frame that can't be rendered, or as [`choose_still`].
@@ -38,8 +39,8 @@ pub fn render_still(
     render_still_with(&mut renderer, backend, station, settings, at, frame_budget_ms)
 }
 
-/// As [`render_still`], with a renderer of the station's scene on `backend`, for stills that follow each other. It is switched to the
-/// station's probe and `settings`.
+/// As [`render_still`], for successive stills with one renderer of the station's scene on `backend`. The renderer is
+/// switched to the station's probe and to `settings`.
 ///
 /// # Errors
 /// As [`render_still`].
@@ -74,17 +75,17 @@ pub fn render_still_with(
     Ok(StillFrame { frame, record, chosen })
 }
 
-/// A still of many.
+/// Request for one still in a batch.
 #[derive(Debug, Clone)]
 pub struct StillJob {
     /// Settings of the frame.
     pub settings: RenderSettings,
-    /// Pose, and time of the scene, s.
+    /// Pose of the probe, and scene time, s.
     pub at: (Pose, f64),
 }
 
-/// As [`render_still_with`] for each of `jobs`, several at once on the host. `each` receives the frames in order. `renderer` is kept at
-/// any one of the jobs' settings and times.
+/// As [`render_still_with`] for each of `jobs`, several at once on the host. `each` receives the frames in order.
+/// Afterwards, `renderer` has the settings and time of any one of the jobs.
 ///
 /// # Errors
 /// The first frame that can't be rendered, after those before it, or an error of `each`.

@@ -16,46 +16,46 @@ use crate::sink::write_json;
 use crate::station::Station;
 use crate::statistics::{mean, nearest_rank, sorted};
 
-/// Timed frames and runs of a point, after one to warm up.
+/// Timed frames, or generator runs, of an operating point after one uncounted one.
 const FRAMES: usize = 5;
 /// Time after which no further point is measured, s.
 const ENOUGH_S: f64 = 2.5;
-/// A point whose frames take so many times the budget ends the measurement of points with more paths.
+/// Once a point takes this multiple of the budget, points with more paths are estimated instead of measured.
 const BEYOND: f64 = 1.5;
-/// Spread above which a measurement was disturbed by something else; the next session measures again.
+/// Spread above which a measurement counts as disturbed by another program. The next session then measures again.
 const DISTURBED: f64 = 1.4;
-/// Ratio of a new time to a kept one below which the kept one counts as disturbed.
+/// If the ratio of a new time to the kept time is less, the kept time counts as disturbed.
 const LEAST_OF_KEPT: f64 = 0.9;
 
-/// Median times, ms, and their spread.
+/// Median times of frames and generator runs on a machine, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frame times of one angle without maps, by rays and layers. `None` if the device has no room; estimated from the number of
-    /// paths far beyond the budget.
+    /// Frame times for rays and layers, with one angle and without maps, ms. `None` if the device has no room. Times
+    /// far beyond the budget are estimated from the number of paths.
     render_ms: Vec<([u32; 2], Option<f64>)>,
-    /// Additional time of maps, and of rolling compounding.
+    /// Additional frame times with maps, and with rolling compounding.
     maps_ms: Option<f64>,
     angles_ms: Option<f64>,
-    /// Time without the aperture over that with it.
+    /// Ratio of the frame time without the effect `aperture` to the time with it.
     without_aperture: Option<f64>,
-    /// Runs, by SHA-256 of the model.
+    /// Times of generator runs by SHA-256 of the model, ms.
     run_ms: BTreeMap<String, f64>,
-    /// 95th percentile of times over their median.
+    /// Ratio of the 95th percentile of times to their median.
     pub(crate) spread: f64,
 }
 
-/// A station whose frames and runs are timed.
+/// A station whose frames and generator runs are timed.
 pub(super) struct TimedStation<'a> {
     pub(super) station: &'a Station,
     pub(super) renderer: &'a mut Renderer,
     pub(super) generators: &'a mut [Generator],
     pub(super) pose: Pose,
-    /// Time that a frame may take, ms.
+    /// Largest time of a frame, ms.
     pub(super) frame_ms: f64,
 }
 
 impl Times {
-    /// Time of a frame, ms; none if it was not measured.
+    /// Time of a frame of this quality, with or without maps, ms; `None` if unknown.
     pub(super) fn render(&self, quality: FrameQuality, maps: bool) -> Option<f64> {
         let of_paths = |(known, _): &&([u32; 2], Option<f64>)| *known == [quality.rays, quality.layers];
         let (_, ms) = self.render_ms.iter().find(of_paths)?;
@@ -64,13 +64,13 @@ impl Times {
         Some(ms + angles_ms + if maps { self.maps_ms? } else { 0.0 })
     }
 
-    /// Time of a run, ms; none if the model can't run here.
+    /// Time of a generator run, ms; `None` if it is unknown, or if the model can't run here.
     pub(super) fn run(&self, generator: &GeneratorKey) -> Option<f64> {
         self.run_ms.get(&generator.sha256).copied()
     }
 
-    /// Times of `qualities` and of the generators, from the cache or else measured. Returns the times, and
-    /// whether anything was measured. No measurement begins after 2.5 s; the station's `own` quality is always measured.
+    /// Times of `qualities` and of the generators, from the cache or measured. Also returns whether anything was
+    /// measured. No measurement begins after [`ENOUGH_S`] seconds, except that of the station's `own` quality.
     pub(super) fn known_or_measured(
         timed: &mut TimedStation<'_>,
         qualities: &[FrameQuality],
@@ -97,7 +97,8 @@ impl Times {
         Ok((times, true))
     }
 
-    /// Whether something else ran when these times were measured: they vary, or frames take much less time now.
+    /// Whether another program disturbed the measurement of these times: their spread is large, or frames are much
+    /// faster now.
     fn were_disturbed(&self, timed: &mut TimedStation<'_>, qualities: &[FrameQuality]) -> Result<bool, RenderError> {
         if self.spread > DISTURBED {
             return Ok(true);
@@ -127,7 +128,7 @@ impl Times {
         let mut spreads = Vec::new();
         for generator in timed.generators.iter_mut() {
             let key = GeneratorKey::of(generator);
-            // Generators left out are measured at the next start.
+            // Generators left out here are measured at the next start.
             if self.run(&key).is_some() || late() {
                 continue;
             }
@@ -144,7 +145,7 @@ impl Times {
             let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
             let without = FrameQuality { aperture: false, ..first };
             let compounded = FrameQuality { angles, ..first };
-            // Differences of medians would be lost in the noise of so few frames.
+            // Least times, because the noise of so few frames would hide differences of medians.
             let mut ms = |quality, maps| Ok::<_, RenderError>(frames(timed, quality, maps)?.and_then(least));
             let alone = ms(first, false)?;
             let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
@@ -155,7 +156,7 @@ impl Times {
                 false => Some(1.0),
             };
         }
-        // Paths and time of the first point far beyond the budget.
+        // Number of paths and time of the first quality far beyond the budget.
         let mut beyond: Option<(u32, f64)> = None;
         for rays_layers in qualities.iter().map(|quality| [quality.rays, quality.layers]) {
             let quality = one_angle(rays_layers);
@@ -177,7 +178,7 @@ impl Times {
             }
             self.insert(rays_layers, ms);
         }
-        // Of few values, the largest stands for the 95th percentile.
+        // With so few values, the largest stands for the 95th percentile.
         if let Some(spread) = mean(spreads) {
             self.spread = spread;
         }
@@ -194,12 +195,13 @@ impl Times {
     }
 }
 
-/// Quality of these rays and layers with one angle, and with the aperture if the station has it.
+/// Quality with these rays and layers and one angle. It has the effect `aperture` if any of `qualities` has it.
 fn one_angle(qualities: &[FrameQuality], [rays, layers]: [u32; 2]) -> FrameQuality {
     FrameQuality { aperture: qualities.iter().any(|quality| quality.aperture), ..FrameQuality::new(rays, layers) }
 }
 
-/// Times of runs on frames of the station's size, ms; of one run if that takes far more than a frame may.
+/// Times of generator runs on frames of the station's size, ms. Only one run is timed if it takes far longer than a
+/// frame may.
 fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<Vec<f64>, GeneratorError> {
     let image = station.settings.image;
     let mut ms = |runs| {
@@ -210,7 +212,7 @@ fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<V
     if first.iter().all(|ms| *ms > BEYOND * frame_ms) { Ok(first) } else { ms(FRAMES) }
 }
 
-/// Times of frames of a quality, ms; none if the device has no room for them.
+/// Times of frames of this quality, ms; `None` if the device has no room for them.
 fn frames(timed: &mut TimedStation<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
     let Station { probe, settings, .. } = timed.station;
     let aperture = settings.effects.of(Effect::Aperture);
@@ -230,7 +232,7 @@ fn frames(timed: &mut TimedStation<'_>, quality: FrameQuality, maps: bool) -> Re
     Ok(Some(ms?))
 }
 
-/// Median of `ms`; adds the largest over it to `spreads`.
+/// Median of `ms`. Appends the ratio of the largest value to the median to `spreads`.
 fn median_of(ms: impl IntoIterator<Item = f64>, spreads: &mut Vec<f64>) -> f64 {
     let ms = sorted(ms);
     let [median, most] = [0.5, 1.0].map(|part| nearest_rank(&ms, part).unwrap_or(f64::INFINITY));
@@ -245,12 +247,12 @@ fn least(ms: Vec<f64>) -> Option<f64> {
     ms.into_iter().min_by(f64::total_cmp)
 }
 
-/// File of the times in the cache: named by machine, build, settings, and the largest number of angles.
+/// Cache file of the times. Its name depends on machine, build, settings, and the largest number of angles.
 fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let mut sum = Sha256::new();
     let Station { scene, probe, settings, background, motion, .. } = timed.station;
     let mut settings = *settings;
-    // These are measured at all values.
+    // These settings don't belong to the name, because times are measured for all their values.
     settings.quality = Default::default();
     settings.look.angles = 1;
     let build =
@@ -272,7 +274,7 @@ fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
 
 #[cfg(test)]
 impl Times {
-    /// Sets what maps and angles add, and the ratio without the aperture.
+    /// Sets the additional times of maps and of angles, and the time ratio without the effect `aperture`.
     pub(super) fn insert_differences(&mut self, maps_ms: f64, angles_ms: f64, without_aperture: f64) {
         (self.maps_ms, self.angles_ms) = (Some(maps_ms), Some(angles_ms));
         self.without_aperture = Some(without_aperture);

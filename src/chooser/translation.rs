@@ -1,4 +1,4 @@
-//! The shipped generator that is best on LQ frames, for stills.
+//! Translation of LQ stills by the best shipped generator for LQ frames.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -12,21 +12,21 @@ use crate::render::{Frame, FrameQuality};
 use crate::station::Station;
 use crate::transducer::Sector;
 
-/// Folder of shipped generators, below the repository's root: a folder for each.
+/// Folder of the shipped generators below the repository's root. Each generator has a folder in it.
 const FOLDER: &str = "assets/generators";
 
-/// A generator with its last image.
+/// A generator with the image of its last run.
 pub struct Translation {
     generator: Generator,
-    /// Quality that it was trained to give.
+    /// Frame quality that the generator was trained to produce.
     pub target: FrameQuality,
-    /// Its error in the table of errors, grey levels.
+    /// Error of the generator on LQ frames in the table of errors, grey levels.
     error: f64,
-    /// Grey levels of the last run [height × width].
+    /// Grey levels of the last generated image [height × width].
     pub image: Vec<u8>,
 }
 
-/// The generator, for JSON.
+/// Description of the generator, for JSON.
 #[derive(Debug, Serialize)]
 pub struct TranslationReport {
     name: String,
@@ -37,10 +37,10 @@ pub struct TranslationReport {
 }
 
 impl Translation {
-    /// The best generator of LQ frames, ready to run; `tissues` are names from number 1.
+    /// Loads the best generator of LQ frames. `tissues` holds the tissue names from class number 1.
     ///
     /// # Errors
-    /// Why there is none, in one line.
+    /// Why no generator is available, in one line.
     pub fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
         let table = ErrorTable::shipped().map_err(|error| error.to_string())?;
         let expected = table.expected(&scene_name(station), &station.probe);
@@ -49,12 +49,12 @@ impl Translation {
         let runtime = Runtime::get().map_err(|error| error.to_string())?;
         let options = LoadOptions { tissues, ..LoadOptions::default() };
         let mut generator = Generator::load(&model, runtime, &options).map_err(|error| error.to_string())?;
-        // Its first run allocates, and is not timed.
+        // The first run allocates memory, so it isn't timed.
         generator.measure(sector.width, sector.height, 0).map_err(|error| error.to_string())?;
         Ok(Self { generator, target, error, image: Vec::new() })
     }
 
-    /// Translates a frame into [`Self::image`] and returns the duration, ms.
+    /// Translates a frame into [`Self::image`]. Returns the duration, ms.
     ///
     /// # Errors
     /// As [`Generator::run`].
@@ -69,7 +69,7 @@ impl Translation {
         &self.generator.manifest().name
     }
 
-    /// Its report.
+    /// Description of the generator for JSON.
     pub fn report(&self) -> TranslationReport {
         let Manifest { name, sha256, .. } = self.generator.manifest().clone();
         let model = self.generator.path().to_owned();
@@ -77,7 +77,7 @@ impl Translation {
     }
 }
 
-/// A model, its target, and its error on LQ frames.
+/// A model file, its training target, and its error on LQ frames.
 #[derive(Debug, PartialEq)]
 struct Best {
     model: PathBuf,
@@ -85,15 +85,15 @@ struct Best {
     error: f64,
 }
 
-/// The folder of generators above the program or its sources.
+/// The folder of shipped generators above the program or its sources, if found.
 fn folder() -> Option<PathBuf> {
     let program = std::env::current_exe().unwrap_or_default();
     let above = program.ancestors().skip(1).chain([Path::new(env!("CARGO_MANIFEST_DIR"))]);
     above.map(|folder| folder.join(FOLDER)).find(|folder| folder.is_dir())
 }
 
-/// The trained model of LQ frames in `folder` with the least error in the table. The PSNRs of manifests are not comparable, because
-/// their data sets differ.
+/// The generator of LQ frames in `folder` with the least error in the table. PSNRs of manifests are not comparable,
+/// because their data sets differ.
 fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
     let measured = entries.flatten().filter_map(|entry| {
@@ -102,7 +102,7 @@ fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
         let takes_lq = manifest.kind == Kind::Trained && manifest.lq().contains(&FrameQuality::LQ);
         let target = manifest.training.as_ref()?.hq.filter(|_| takes_lq)?;
         let key = GeneratorKey { name: manifest.name, sha256: manifest.sha256 };
-        // Key frames are stills.
+        // Frames for translation are stills, so the error at rest counts.
         let error = expected.of(FrameQuality::LQ, Some(&key), ProbeSpeed::AtRest)?;
         Some(Best { model, target, error })
     });
@@ -140,7 +140,7 @@ mod tests {
             let generator = Some(GeneratorKey { name: name.into(), sha256: of(name).sha256 });
             PointError { quality: FrameQuality::LQ, generator, rmse, spread: 0.1, by_speed: None }
         };
-        // `fast_msa` has the highest PSNR of its own data set, and `beam_m_rolling` takes other frames.
+        // `fast_msa` has the highest PSNR on its own data set; `beam_m_rolling` takes frames of another quality.
         let points = vec![point("fast_msa", 20.0), point("fast_m", 12.0), point("beam_m_rolling", 5.0)];
         let station = StationErrors::fixture("obstetric", "convex", points);
         let table = ErrorTable { stations: vec![station], ..ErrorTable::new(String::new()) };

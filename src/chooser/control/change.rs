@@ -1,17 +1,17 @@
-//! Changes of the operating point: when one is due, and which points wait after it.
+//! Changes of the operating point: when one is due, and which points are blocked after it.
 
 use super::predict::AHEAD;
 use super::{CHANGES, Load, MINUTE_S, PointChange, PointController, RETRY_S, RISE_S, SUDDEN};
 
-/// Time after a rise within which a fall counts as its failure, s.
+/// If the point is lowered within this time after a rise, the rise has failed, s.
 const FAILED_WITHIN_S: f64 = 20.0;
-/// Falls within this time count as one change, s: the first one may not have been enough.
+/// Two falls within this time count as one change, s: the first one may not have been enough.
 pub(super) const ONE_FALL_S: f64 = 5.0;
-/// Failures in a row after which a generator is left.
+/// Failed runs in a row after which the controller stops using a generator.
 const FAILURES: u32 = 3;
 
 impl PointController {
-    /// Makes the change that is due at `now_s`, if any, and returns it.
+    /// Changes the operating point if that is due at `now_s`, and returns the change.
     pub fn change(&mut self, now_s: f64) -> Option<PointChange> {
         let current = self.point();
         if let Some(index) = current.generator {
@@ -35,12 +35,12 @@ impl PointController {
         self.follow_speed(now_s).or_else(|| self.rise(now_s))
     }
 
-    /// Changes to a cheaper point, if there is one.
+    /// Changes to a cheaper operating point, if there is one.
     fn fall(&mut self, now_s: f64) -> Option<PointChange> {
         let load = self.load(SUDDEN)?;
         let spread = self.spread(SUDDEN);
         let now_ms = self.busy_ms(&self.point(), load);
-        // The present point may seem to fit: its median does.
+        // Only points faster than the present one count: its median time may fit although its 95th percentile doesn't.
         let to = self.best_below(now_s, load, spread, 1.0, now_ms);
         let to = to.or_else(|| self.least(now_s, load, now_ms)).filter(|&to| to != self.current)?;
         if self.raised_at.is_some_and(|at| now_s - at <= FAILED_WITHIN_S) {
@@ -52,7 +52,7 @@ impl PointController {
         Some(self.go(now_s, to, false, reason))
     }
 
-    /// Changes to a better point once one has been predicted to fit for long enough.
+    /// Changes to a better operating point if one has been predicted to fit for [`RISE_S`].
     fn rise(&mut self, now_s: f64) -> Option<PointChange> {
         if self.fits_since.is_none_or(|since| self.last_s - since < RISE_S) || now_s - self.changes[0] < MINUTE_S {
             return None;
@@ -63,7 +63,7 @@ impl PointController {
         Some(self.go(now_s, to, true, reason))
     }
 
-    /// Blocks the present point, and all that take as long, for a while.
+    /// Blocks the present point, and all points that take as long or longer, for its retry time.
     fn block_beyond(&mut self, now_s: f64) {
         let wait_s = self.retry_s[self.current];
         self.retry_s[self.current] = (2.0 * wait_s).min(RETRY_S[1]);
@@ -75,7 +75,7 @@ impl PointController {
         }
     }
 
-    /// Blocks all points with a generator that failed, for a while.
+    /// Blocks all points with a generator that failed, for the present point's retry time.
     fn block_generator(&mut self, now_s: f64, generator: usize) {
         let wait_s = self.retry_s[self.current];
         for index in 0..self.candidates.len() {
@@ -87,7 +87,7 @@ impl PointController {
         self.failures[generator].0 = 0;
     }
 
-    /// Leaves a generator for the best point without it.
+    /// Changes to the best point that may be chosen, away from the present generator. `None` if the point stays.
     pub(super) fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
         let load = self.load(SUDDEN).unwrap_or(Load::START);
         let to = self.best(now_s, load, self.spread(SUDDEN), 1.0);
@@ -95,7 +95,7 @@ impl PointController {
         (to != self.current).then(|| self.go(now_s, to, false, reason))
     }
 
-    /// Makes the change to the point of index `to`.
+    /// Changes to the candidate with index `to`; `raised` tells whether it is better.
     pub(super) fn go(&mut self, now_s: f64, to: usize, raised: bool, reason: String) -> PointChange {
         let from = self.point();
         if let Some(Load { render, run }) = self.load(SUDDEN).filter(|_| from.generator.is_some()) {
@@ -115,7 +115,7 @@ impl PointController {
         change
     }
 
-    /// Undoes the last change, for which the device had no room: its point is not chosen again.
+    /// Undoes the last change, because the device lacks memory for that point. The point is never chosen again.
     pub fn refused(&mut self, now_s: f64) {
         self.blocked_until[self.current] = f64::INFINITY;
         (self.current, self.raised_at) = (self.before, None);

@@ -1,22 +1,22 @@
-//! Manual settings of watchers: generated pictures on and off, and a fixed quality.
+//! Settings that watchers of the session make by hand: generated pictures on and off, and a fixed quality.
 
 use super::{Candidate, Load, PointChange, PointController, RETRY_S, ROOM, SUDDEN};
 use crate::pose::BySpeed;
 use crate::render::FrameQuality;
 
 impl PointController {
-    /// Says whether watchers want generated pictures. Without, only rendered ones are chosen.
+    /// Sets whether watchers want generated pictures. If not, only points without a generator are chosen.
     pub(crate) fn allow_generators(&mut self, generate: bool) {
         self.asked = (self.asked || !self.generate) && generate;
         self.generate = generate;
     }
 
-    /// Leaves the generator for the best point without one.
+    /// Changes to the best point without a generator.
     pub(super) fn switch_off(&mut self, now_s: f64) -> Option<PointChange> {
         self.uncounted(|this| this.leave(now_s, "generated pictures are switched off".to_owned()))
     }
 
-    /// Takes the best point at once, if it has a generator.
+    /// Changes at once to the best point, if it has a generator.
     pub(super) fn switch_on(&mut self, now_s: f64) -> Option<PointChange> {
         let load = self.load(SUDDEN).unwrap_or(Load::START);
         let to = self.best(now_s, load, self.spread(SUDDEN), ROOM)?;
@@ -25,7 +25,7 @@ impl PointController {
         self.uncounted(|this| Some(this.go(now_s, to, true, reason)))
     }
 
-    /// Makes a change that no later one has to wait for.
+    /// Makes a change that doesn't count against the limit of changes per minute.
     pub(super) fn uncounted(&mut self, change: impl FnOnce(&mut Self) -> Option<PointChange>) -> Option<PointChange> {
         let changes = self.changes;
         let change = change(self);
@@ -33,8 +33,8 @@ impl PointController {
         change
     }
 
-    /// Keeps `quality`, which a watcher set, from now on. A fixed quality keeps its generators, a chosen one the generator
-    /// at work. Returns whether there is a generator left to control.
+    /// Keeps `quality`, which a watcher set, from now on; only the generator is still controlled. If the quality was
+    /// fixed before, all its generators stay, else only the present one. Returns whether any generator is left.
     pub fn hold(&mut self, now_s: f64, quality: FrameQuality) -> bool {
         self.by_hand = true;
         let at_work = self.point().generator;
@@ -48,7 +48,7 @@ impl PointController {
         if kept.is_empty() {
             return false;
         }
-        // Worse than all of them at any speed.
+        // The raw frame ranks last at any speed.
         let error = BySpeed::all(f64::MAX);
         kept.push(Candidate { quality, generator: None, error, render_ms: 0.0, run_ms: 0.0 });
         self.current = kept.iter().position(|candidate| candidate.generator == at_work).unwrap_or(kept.len() - 1);

@@ -1,8 +1,8 @@
 //! Operating points of a live session, and the controller that chooses among them.
 //!
-//! A point is a frame's quality and a generator on top of it. Its error is known from a table, its time is measured at the
-//! start. During the session the controller follows the ratios of present times to these, for frames and for runs, and predicts
-//! the time of every other point from them.
+//! An operating point ("point") is a frame quality, with or without a generator applied to it. Its error is known from
+//! a table, and its time was measured at the start. During the session, the controller compares present times with the
+//! measured ones, for frames and for generator runs. From these ratios it predicts the time of every other point.
 
 mod change;
 mod manual;
@@ -23,51 +23,51 @@ use self::speed::SpeedWatch;
 use crate::pose::{BySpeed, ProbeSpeed};
 use crate::render::FrameQuality;
 
-/// Most recent frames that show a sudden load, and the least number of them that decides.
+/// Number of latest frames that can show a sudden load, and least number needed for a decision.
 const SUDDEN: (usize, usize) = (12, 8);
-/// Most recent frames whose 95th percentile must keep the budget, and the least number of them that decides.
+/// Number of latest frames whose 95th percentile must keep the budget, and least number needed for a decision.
 const SETTLED: (usize, usize) = (96, 40);
-/// Part of the budget that a point may be predicted to take when it is chosen.
+/// Largest predicted share of the budget at which a point may be chosen.
 const ROOM: f64 = 0.92;
-/// Time for which a better point must fit before it is chosen, s.
+/// Time for which a better point must be predicted to fit before it is chosen, s.
 const RISE_S: f64 = 6.0;
-/// Time after a change in which frames are ignored, s: buffers are rebuilt.
+/// Time after a change in which frames are ignored, s. Buffers are rebuilt meanwhile.
 const REST_S: f64 = 1.0;
-/// First and longest time for which a point that failed is not chosen again, s; it doubles each time.
+/// First and longest time for which a failed point is not chosen again, s. Each failure doubles the time.
 const RETRY_S: [f64; 2] = [60.0, 3840.0];
-/// Changes within [`MINUTE_S`] after which a better point waits.
+/// Number of changes within [`MINUTE_S`] seconds after which better points have to wait.
 const CHANGES: usize = 2;
 const MINUTE_S: f64 = 60.0;
 
-/// A way to make a frame, with its error and its times.
+/// An operating point that may be chosen, with its error and times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// Rendering.
+    /// Quality of the rendered frame.
     pub quality: FrameQuality,
-    /// Index of the generator on top; none: the rendered picture.
+    /// Index of the generator applied to the frame; `None` shows the rendered picture.
     pub generator: Option<usize>,
-    /// Error against the converged reference by speed of the probe, grey levels.
+    /// Error against the converged reference by speed of the probe, grey levels; a rank if the quality is fixed.
     pub error: BySpeed,
-    /// Median time of a rendered frame, ms; 0 if it is not known.
+    /// Median time of a rendered frame, ms; 0 if unknown.
     pub render_ms: f64,
-    /// Median time of a run of the generator, ms; 0 without one.
+    /// Median time of a generator run, ms; 0 without a generator.
     pub run_ms: f64,
 }
 
-/// Time that a frame may take.
+/// Largest times of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameBudget {
-    /// Time for rendering and generating a frame, ms; none: only runs are limited.
+    /// Largest time for rendering and generating a frame, ms; `None` limits only generator runs.
     pub frame_ms: Option<f64>,
-    /// Time of a run, ms.
+    /// Largest time of a generator run, ms.
     pub run_ms: f64,
-    /// Whether frames and runs take different hardware, so that the longer of both counts.
+    /// Whether frames and runs use different hardware. If so, the longer of both times counts, else their sum.
     pub apart: bool,
-    /// 95th percentile of times over their median, as measured at the start.
+    /// Ratio of the 95th percentile of times to their median, as measured at the start.
     pub spread: f64,
 }
 
-/// Loads: ratios of present times to the times measured at the start.
+/// Load of rendering and of generator runs: ratios of present times to the times measured at the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Load {
     render: f64,
@@ -75,18 +75,18 @@ struct Load {
 }
 
 impl Load {
-    /// Load when the times were measured.
+    /// Load at the time of the measurement.
     const START: Self = Self { render: 1.0, run: 1.0 };
 }
 
 /// A change of the operating point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointChange {
-    /// The point before.
+    /// Previous point.
     pub from: Candidate,
-    /// The point from now on.
+    /// New point.
     pub to: Candidate,
-    /// Why, as text.
+    /// Reason for the change, in words.
     pub reason: String,
 }
 
@@ -94,57 +94,57 @@ pub struct PointChange {
 #[derive(Debug, Clone)]
 pub struct PointController {
     candidates: Vec<Candidate>,
-    /// Indices of the candidates by rising error, for each speed of the probe.
+    /// Indices of the candidates by increasing error, for each speed of the probe.
     orders: [Vec<usize>; 3],
-    /// Speed of the probe, and when it last changed, s.
+    /// Speed of the probe, and time of its last change of class, s.
     watch: SpeedWatch,
     moved_s: f64,
     /// Names of the generators.
     generators: Vec<String>,
     budget: FrameBudget,
     current: usize,
-    /// Name of the point at the start.
+    /// Name of the first point.
     begun: String,
-    /// Why that point has a generator or none; `None` without generators.
+    /// Why the first point has a generator or none; `None` if no generator is loaded.
     generator_reason: Option<String>,
     /// Whether watchers want generated pictures, and whether they have just asked for them again.
     generate: bool,
     asked: bool,
     /// Whether a watcher set the quality.
     by_hand: bool,
-    /// Times of frames at this point, ms, with their runs; of runs alone if only those are limited.
+    /// Busy times of the frames at this point, ms; see [`Self::busy_of`].
     busy: Recent,
-    /// Loads of the frames and runs at this point.
+    /// Ratios of the times at this point to those measured at the start: of frames and of generator runs.
     renders: Recent,
     runs: Recent,
-    /// Last known quotient of run load and frame load, and its time, s.
+    /// Last known ratio of run load to render load, and when it was seen, s.
     run_over_render: (f64, f64),
-    /// Rendering time of the last frame, ms; the time of its run is added to it.
+    /// Rendering time of the last frame, ms. The time of the generator run on it is added later.
     rendered_ms: f64,
     frames_without_run: u32,
-    /// Time from which on a better point would fit, s.
+    /// Start of the time in which a better point would fit without a break, s; `None` if none fits now.
     fits_since: Option<f64>,
-    /// Time from which on the 95th percentile is over the budget, s.
+    /// Start of the time in which the 95th percentile exceeds the budget, s; `None` if it doesn't now.
     often_since: Option<f64>,
-    /// Frames before this time are ignored, s.
+    /// Frames until this time are ignored, s.
     rests_until: f64,
     /// Time of the last frame, s.
     last_s: f64,
-    /// Time at which this point was reached from a worse one, s.
+    /// Time of the change to this point, s, if that was a rise.
     raised_at: Option<f64>,
-    /// Time until which each point isn't chosen, s, and how long after its next failure.
+    /// For each candidate, when its blocking ends, and for how long its next failure blocks it, s.
     blocked_until: Vec<f64>,
     retry_s: Vec<f64>,
-    /// Failures in a row of each generator, and the last reason.
+    /// Number of failed runs in a row of each generator, and the last reason.
     failures: Vec<(u32, String)>,
-    /// Times of the latest changes that count, s, and of the latest at all.
+    /// Times of the latest changes that count for the limit per minute, and time of the last change, s.
     changes: [f64; CHANGES],
     changed_s: f64,
-    /// The point before the last change.
+    /// Index of the point before the last change.
     before: usize,
     /// Whether the last change was to a cheaper point.
     fell: bool,
-    /// Whether the warning that no point keeps the budget is active, and when it was given, s.
+    /// Whether the warning that no point keeps the budget is active, and when it was last given, s.
     warned: bool,
     warned_s: f64,
     switches: Vec<Switch>,
@@ -152,8 +152,9 @@ pub struct PointController {
 }
 
 impl PointController {
-    /// A controller of `candidates`, which starts at the best that is predicted to keep the budget, else at the cheapest.
-    /// None without candidates. `generators` are the names that candidates refer to.
+    /// Makes a controller of `candidates`. It starts at the best point that is predicted to keep the budget, else at
+    /// one of the cheapest. `None` without valid candidates. `generators` are the names that candidates refer to by
+    /// index.
     pub fn new(mut candidates: Vec<Candidate>, generators: Vec<String>, budget: FrameBudget) -> Option<Self> {
         let is_finite = |error: BySpeed| ProbeSpeed::ALL.iter().all(|speed| error.at(*speed).is_finite());
         candidates.retain(|candidate| is_finite(candidate.error) && candidate.render_ms.is_finite());
@@ -205,12 +206,12 @@ impl PointController {
         Some(controller)
     }
 
-    /// The point of the next frames.
+    /// Operating point of the next frames.
     pub fn point(&self) -> Candidate {
         self.candidates[self.current]
     }
 
-    /// Name of a point.
+    /// Name of an operating point, such as `1x3 + fast_m`.
     pub fn name(&self, point: &Candidate) -> String {
         match point.generator.and_then(|index| self.generators.get(index)) {
             Some(generator) => format!("{} + {generator}", point.quality),
@@ -218,40 +219,40 @@ impl PointController {
         }
     }
 
-    /// Time that a frame may take, or a run where frames aren't limited, ms.
+    /// Largest time of a frame, ms; of a generator run if frame times aren't limited.
     pub fn limit_ms(&self) -> f64 {
         self.budget.frame_ms.unwrap_or(self.budget.run_ms)
     }
 
-    /// Whether the quality is chosen, not only the generator.
+    /// Whether the controller chooses the quality, not only the generator.
     pub fn chooses_quality(&self) -> bool {
         self.budget.frame_ms.is_some()
     }
 
-    /// Time of a frame of the point as measured at the start, ms.
+    /// Time of a frame at this point, ms, from the times measured at the start.
     pub fn expected_ms(&self, point: &Candidate) -> f64 {
         self.busy_ms(point, Load::START)
     }
 
-    /// Whether the point was measured to keep the budget, with its spread.
+    /// Whether 95 % of the frames at this point keep the budget, by the times measured at the start.
     pub fn is_expected_to_fit(&self, point: &Candidate) -> bool {
         self.budget.spread * self.expected_ms(point) <= self.limit_ms()
     }
 
     /// Records that a frame of `quality` took `ms` and was done at `now_s`. Ignores frames of another quality, frames
-    /// during a rest, and times that are no duration.
+    /// just after a change ([`Self::rest`]), and invalid times.
     pub fn rendered(&mut self, now_s: f64, quality: FrameQuality, ms: f64) {
         let point = self.point();
         if quality != point.quality || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
             return;
         }
         if now_s - self.last_s > REST_S + 2e-3 * ms {
-            // A pause in rendering is no measure of times.
+            // After a pause in rendering, the times before it say nothing about the load.
             self.forget();
         }
         self.last_s = now_s;
         self.rendered_ms = ms;
-        // Without a time to compare with, frames say nothing about runs.
+        // If the point's time is unknown, the render load counts as 1.
         self.renders.push(if point.render_ms > 0.0 { ms / point.render_ms } else { 1.0 });
         if point.generator.is_some() {
             self.frames_without_run += 1;
@@ -264,7 +265,7 @@ impl PointController {
         self.often_since = since(p95_ms.is_some_and(|ms| ms > self.limit_ms()), self.often_since);
     }
 
-    /// Records a run of a generator that gave a picture after `ms`.
+    /// Records a run of a generator that made a picture in `ms`.
     pub fn ran(&mut self, now_s: f64, generator: usize, ms: f64) {
         if let Some((failures, _)) = self.failures.get_mut(generator) {
             *failures = 0;
@@ -272,7 +273,7 @@ impl PointController {
         self.terminated(now_s, generator, ms);
     }
 
-    /// Records a run of a generator that was terminated after `ms`.
+    /// Records a run of a generator that was stopped after `ms`.
     pub fn terminated(&mut self, now_s: f64, generator: usize, ms: f64) {
         let point = self.point();
         if point.generator != Some(generator) || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
@@ -283,7 +284,7 @@ impl PointController {
         self.busy.push(self.busy_of(self.rendered_ms, ms));
     }
 
-    /// Records that a run of a generator failed.
+    /// Records a failed run of a generator.
     pub fn failed(&mut self, generator: usize, reason: &str) {
         if let Some((failures, last)) = self.failures.get_mut(generator) {
             *failures += 1;
@@ -291,7 +292,8 @@ impl PointController {
         }
     }
 
-    /// Forgets the times so far and rests: the cost of frames changed at `now_s`.
+    /// Forgets the recorded times, because the cost of frames changed at `now_s`, and ignores frames for [`REST_S`]
+    /// seconds.
     pub fn rest(&mut self, now_s: f64) {
         self.forget();
         self.rests_until = now_s + REST_S;

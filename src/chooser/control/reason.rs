@@ -1,15 +1,15 @@
-//! Why a session begins with a generator or without one.
+//! The reason why a session begins with a generator or without one.
 
 use super::{Candidate, Load, PointController, ROOM};
 
 impl PointController {
-    /// Why the session began with a generator or without one, with the two points compared: the chosen one, and the best
-    /// one of the other kind. `None` without generators.
+    /// Why the session began with a generator or without one. The text compares the chosen point with the best point of
+    /// the other kind. `None` without generators.
     pub fn generator_reason(&self) -> Option<&str> {
         self.generator_reason.as_deref()
     }
 
-    /// [`Self::generator_reason`] of the present point, by the times of the start.
+    /// [`Self::generator_reason`] for the present point, from the times measured at the start.
     pub(super) fn reason_now(&self) -> Option<String> {
         let point = self.point();
         let names = self.generators.join(", ");
@@ -36,8 +36,8 @@ impl PointController {
         Some(format!("{head}: {why}"))
     }
 
-    /// The best point with a generator if `point` has none, else the best one without. Best is the least error that fits; if
-    /// none fits, the fastest.
+    /// The best point with a generator if `point` has none, else the best one without. "Best" means the least error
+    /// among those that fit; if none fits, the fastest.
     fn best_of_other_kind(&self, point: &Candidate) -> Option<Candidate> {
         let by_error = || self.by_error().map(|index| &self.candidates[index]);
         let others = || by_error().filter(|other| other.generator.is_some() != point.generator.is_some());
@@ -45,12 +45,13 @@ impl PointController {
         others().find(|other| self.fits(other)).or_else(fastest).copied()
     }
 
-    /// Whether the choice at the start takes the point as one that keeps the budget.
+    /// Whether the point keeps the budget by the rule of the choice at the start.
     fn fits(&self, point: &Candidate) -> bool {
         self.keeps(point, Load::START, self.budget.spread, ROOM)
     }
 
-    /// Name, time and error. With a fixed quality only runs count, and errors are ranks: both are left out.
+    /// Name of a point, with its time and error. With a fixed quality, errors are ranks and only generator runs have a
+    /// time.
     fn described(&self, point: &Candidate) -> String {
         let (name, ms) = (self.name(point), self.expected_ms(point));
         match (self.chooses_quality(), point.generator) {
@@ -60,7 +61,7 @@ impl PointController {
         }
     }
 
-    /// The limit that a point exceeds, and its time at the 95th percentile.
+    /// The budget that a point exceeds, and the point's 95th percentile of time.
     fn over_limit(&self, point: &Candidate) -> String {
         let (spread, limit_ms) = (self.budget.spread, self.limit_ms());
         let busy_ms = spread * self.expected_ms(point);

@@ -2,10 +2,10 @@
 
 use crate::statistics::nearest_rank;
 
-/// Values kept.
+/// Number of values kept.
 const KEPT: usize = 96;
 
-/// Ring of the latest values.
+/// Ring buffer of the latest values.
 #[derive(Debug, Clone)]
 pub(super) struct Recent {
     values: [f64; KEPT],
@@ -31,7 +31,7 @@ impl Recent {
         self.pushed.min(KEPT)
     }
 
-    /// Nearest-rank percentile of the latest `count` values; none if there are fewer than `least`.
+    /// Nearest-rank percentile `part` (0 to 1) of the latest `count` values; `None` if there are fewer than `least`.
     pub(super) fn percentile(&self, part: f64, count: usize, least: usize) -> Option<f64> {
         let count = count.min(self.len());
         if count < least.max(1) {

@@ -1,38 +1,38 @@
-//! Points for the speed at which the probe moves.
+//! Choice of operating points by the speed at which the probe moves.
 
 use super::predict::WORTH;
 use super::{PointChange, PointController, RISE_S};
 use crate::pose::{ProbeSpeed, Speed};
 
-/// Time for which a faster and a slower motion must last before it counts, s: a pause is soon over.
+/// Times for which a faster and a slower motion must last before they count, s. A pause is soon over.
 const FASTER_S: f64 = 0.4;
 const SLOWER_S: f64 = 1.5;
-/// Part of a limit below which motion must fall to count as slower.
+/// Fraction of a speed limit below which motion must fall to count as slower.
 const BELOW: f64 = 0.7;
-/// Time after a change of the speed in which a better point is taken for it, s.
+/// Time after a change of the probe's speed in which a point that suits the new speed better is chosen, s.
 const MOVED_S: f64 = 10.0;
 
-/// Class of the probe's speed. Short pauses, and speeds near a limit, do not change it.
+/// Class of the probe's speed. Short pauses, and speeds near a limit between classes, do not change it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SpeedWatch {
     class: ProbeSpeed,
     /// Class before the present one.
     before: ProbeSpeed,
-    /// Class that motion has had lately, and since when, s.
+    /// Class of the latest speeds, if it differs from the present one, and its start, s.
     next: Option<(ProbeSpeed, f64)>,
 }
 
 impl SpeedWatch {
-    /// Takes the speed at `now_s`; returns whether the class changed.
+    /// Records the speed at `now_s`; returns whether the class changed.
     fn push(&mut self, now_s: f64, speed: Speed) -> bool {
         let faster = speed.class(1.0);
-        // Slower motion counts only below a part of the limit, so that speeds near it cause no changes.
+        // Slower motion counts only below a fraction of the limit, so that speeds near the limit cause no changes.
         let found = if faster > self.class { faster } else { speed.class(BELOW).min(self.class) };
         if found == self.class {
             self.next = None;
             return false;
         }
-        // The direction counts: a motion that passes both limits lasts since it passed the first.
+        // Only the direction counts: a motion that passes both limits has lasted since it passed the first.
         let is_faster = found > self.class;
         let since = self.next.filter(|(next, _)| (*next > self.class) == is_faster).map_or(now_s, |(_, since)| since);
         self.next = Some((found, since));
@@ -45,7 +45,7 @@ impl SpeedWatch {
 }
 
 impl PointController {
-    /// Records the speed of the probe at `now_s`, for which points are chosen.
+    /// Records the speed of the probe at `now_s`; points are chosen for its class.
     pub fn moves(&mut self, now_s: f64, speed: Speed) {
         if self.watch.push(now_s, speed) {
             self.moved_s = now_s;
@@ -53,22 +53,22 @@ impl PointController {
         }
     }
 
-    /// Class of the probe's speed that points are chosen for.
+    /// Class of the probe's speed for which points are chosen.
     pub fn speed(&self) -> ProbeSpeed {
         self.watch.class
     }
 
-    /// Indices of all candidates, by rising error at the present speed.
+    /// Indices of all candidates, by increasing error at the present speed.
     pub(super) fn by_error(&self) -> impl Iterator<Item = usize> + '_ {
         self.orders[self.speed() as usize].iter().copied()
     }
 
-    /// Error of a candidate at the present speed, grey levels.
+    /// Error of the candidate with this index at the present speed, grey levels.
     pub(super) fn error(&self, index: usize) -> f64 {
         self.candidates[index].error.at(self.speed())
     }
 
-    /// Sorts the candidates anew, for each speed.
+    /// Sorts the candidates by error, for each speed.
     pub(super) fn sort(&mut self) {
         let candidates = &self.candidates;
         self.orders = ProbeSpeed::ALL.map(|speed| {
@@ -78,14 +78,14 @@ impl PointController {
         });
     }
 
-    /// Changes to a better point for a speed that the probe has had for at most [`MOVED_S`]. The minimum interval between changes
-    /// applies. The limit of changes per minute doesn't count this one.
+    /// Changes to a better point for the new speed, within [`MOVED_S`] seconds after the speed changed. The minimum
+    /// interval between changes applies; the limit of changes per minute doesn't.
     pub(super) fn follow_speed(&mut self, now_s: f64) -> Option<PointChange> {
         if now_s - self.moved_s > MOVED_S || now_s - self.changed_s < RISE_S {
             return None;
         }
         let to = self.better(now_s)?;
-        // A point that was already better at the speed before is a rise by load, which waits longer.
+        // A point that was better at the previous speed too is a rise because of lower load. Such a rise waits longer.
         let error_before = |index: usize| self.candidates[index].error.at(self.watch.before);
         if error_before(to) < WORTH * error_before(self.current) {
             return None;
@@ -105,7 +105,7 @@ impl PointController {
 mod tests {
     use super::*;
 
-    /// Classes of a probe that moves at `mm_s` of the time in tenths of a second.
+    /// Speed classes of a probe that moves at `mm_s(tick)`, at each tick of 0.1 s.
     fn classes(ticks: u32, mm_s: impl Fn(u32) -> f64) -> Vec<ProbeSpeed> {
         let mut watch = SpeedWatch::default();
         let class = |tick| {
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn pauses_tremor_and_speeds_about_a_limit_change_nothing() {
-        // Fast strokes of a second with pauses of one.
+        // Fast strokes of 1 s, with pauses of 1 s between them.
         let strokes = classes(300, |tick| if tick / 10 % 2 == 0 { 40.0 } else { 0.0 });
         assert_eq!(changes(&strokes), 1, "{strokes:?}");
         let tremor = classes(300, |tick| if tick % 5 == 0 { 20.0 } else { 1.0 });

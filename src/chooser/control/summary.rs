@@ -1,11 +1,11 @@
-//! Summary of the changes that a controller made in a session.
+//! Summary of a session's changes of the operating point.
 
 use serde::Serialize;
 
 use super::{PointChange, PointController};
 use crate::presented::PointText;
 
-/// Most changes that a summary lists.
+/// Largest number of changes listed in a summary.
 const LISTED: usize = 100;
 
 /// A change of the operating point.
@@ -13,38 +13,38 @@ const LISTED: usize = 100;
 pub struct Switch {
     /// Time in the session, s.
     pub time_s: f64,
-    /// Name of the point from then on.
+    /// Name of the new point.
     pub to: String,
-    /// Why.
+    /// Reason for the change.
     pub reason: String,
 }
 
-/// Operating points of a session.
+/// Summary of a session's operating points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointSummary {
-    /// Time that a frame may take, or a run where frames aren't limited, ms.
+    /// Largest time of a frame, ms; of a generator run if frame times aren't limited.
     pub limit_ms: f64,
-    /// Point at the start.
+    /// Name of the first point.
     pub begun: String,
-    /// Why the point at the start has a generator or none; none without generators.
+    /// Why the first point has a generator or none; `None` without generators.
     pub generator_reason: Option<String>,
-    /// Point at the end.
+    /// Name of the last point.
     pub ended: String,
-    /// Error of the point at the end, at the probe's speed then, grey levels; none of a quality that was fixed.
+    /// Error of the last point at the probe's last speed, grey levels; `None` if the quality was fixed.
     pub error: Option<f64>,
-    /// Changes to a cheaper point.
+    /// Number of changes to a cheaper point.
     pub lowered: u64,
-    /// Changes to a better point.
+    /// Number of changes to a better point.
     pub raised: u64,
-    /// Points for which the device had no room.
+    /// Number of points for which the device had no room.
     pub refused: u64,
-    /// Whether a watcher set the quality by hand; from then on at most the generator was chosen.
+    /// Whether a watcher set the quality by hand. From then on, at most the generator was chosen.
     pub by_hand: bool,
     /// The first hundred changes.
     pub changes: Vec<Switch>,
 }
 
-/// Counted changes.
+/// Numbers of changes so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counts {
     pub(super) lowered: u64,
@@ -66,7 +66,7 @@ impl PointController {
         self.counts.last = (raised, listed);
     }
 
-    /// Takes the last change back: it was refused.
+    /// Removes the last change from the summary, because the device refused it.
     pub(super) fn undo_note(&mut self) {
         let (raised, listed) = self.counts.last;
         if listed {
@@ -77,7 +77,7 @@ impl PointController {
         self.counts.refused += 1;
     }
 
-    /// The point of the session's start, for viewers.
+    /// The first point of the session, as text for viewers.
     pub fn text(&self) -> PointText {
         let (ms, limit_ms) = (self.expected_ms(&self.point()), self.limit_ms());
         PointText {

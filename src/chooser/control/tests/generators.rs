@@ -1,10 +1,10 @@
-//! Generators that fail, are late, or are not wanted.
+//! Tests: generators that fail, that are late, or that watchers don't want.
 
 use super::*;
 
 #[test]
 fn a_generator_that_fails_is_left_and_tried_again_later() {
-    // Only one generator fits.
+    // Only one generator keeps the budget.
     let mut controller = TWO_CORES.controller(68.5);
     let generator = controller.point().generator.unwrap();
     controller.failed(generator, "pixel 7 is NaN");
@@ -104,7 +104,7 @@ fn runs_keep_their_own_budget() {
 
 #[test]
 fn a_generator_over_its_own_budget_is_left() {
-    // Frames and runs fit the frame's budget, runs not their own.
+    // Frames with runs keep the frame budget; the runs exceed their own.
     let budget = FrameBudget { frame_ms: Some(120.0), run_ms: 30.0, apart: false, spread: 1.1 };
     let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
     let mut controller = PointController::new(TWO_CORES.candidates(), names, budget).unwrap();

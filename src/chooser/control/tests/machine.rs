@@ -1,4 +1,4 @@
-//! Simulated machines and sessions.
+//! Simulated machines and sessions for the tests.
 
 use super::super::{Candidate, FrameBudget, PointController};
 use crate::pose::BySpeed;
@@ -7,14 +7,14 @@ use crate::render::FrameQuality;
 
 pub(super) const PERIOD_S: f64 = 1.0 / 14.0;
 
-/// Rays, layers and error of the rendered points, and names and errors of the generators on top of 1x1 and 1x3.
+/// Rays, layers and error of the rendered points. Then name and errors of the generators, on frames of 1x1 and 1x3.
 pub(super) const RAW: [(u32, u32, f64); 6] =
     [(1, 1, 22.0), (1, 3, 18.0), (2, 3, 17.0), (4, 3, 16.0), (8, 3, 15.5), (32, 3, 15.0)];
 pub(super) const GENERATORS: [(&str, u32, f64); 3] =
     [("fast", 1, 14.0), ("fast_1x3", 3, 12.0), ("middle_1x3", 3, 11.0)];
 
-/// Times of frames along the recorded exam over the first one's, each half second: 2x3 of 9 angles on two cores, the mean of
-/// the medians of two sessions (2026-11-23).
+/// Frame times along the recorded exam, every half second, relative to the first. They are medians of 2x3 frames of 9
+/// angles on two cores, averaged over two sessions (2026-11-23).
 #[rustfmt::skip]
 pub(super) const EXAM: [f64; 48] = [
     1.00, 0.99, 1.07, 1.27, 1.32, 1.24, 1.27, 1.26, 1.28, 1.37, 1.37, 1.40, 1.06, 1.17, 1.08, 1.07, 1.37, 1.29,
@@ -22,18 +22,18 @@ pub(super) const EXAM: [f64; 48] = [
     1.37, 1.38, 1.41, 1.48, 1.39, 1.39, 1.41, 1.36, 1.45, 1.17, 1.17, 1.20,
 ];
 
-/// Times of a machine.
+/// Frame and run times of a simulated machine.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Machine {
     pub(super) frame_ms: f64,
     pub(super) path_ms: f64,
-    /// Runs of the fast and of the middle network.
+    /// Run times of the fast and of the middle network.
     pub(super) run_ms: [f64; 2],
-    /// Times vary by this factor upward.
+    /// Ratio of the slowest times to the median.
     pub(super) spread: f64,
 }
 
-/// Two cores, as measured.
+/// Machine with two cores, as measured.
 pub(super) const TWO_CORES: Machine = Machine { frame_ms: 26.0, path_ms: 2.6, run_ms: [26.0, 50.0], spread: 1.15 };
 
 impl Machine {
@@ -79,7 +79,7 @@ pub(super) struct Seen {
     pub(super) changes: Vec<(f64, String, String)>,
 }
 
-/// Runs a session of `seconds` on `machine`, whose frames and runs take `load` times as long.
+/// Runs a session of `seconds` on `machine`. `load` gives the factors by which its frames and runs take longer.
 pub(super) fn session(
     controller: &mut PointController,
     machine: &Machine,
@@ -96,7 +96,7 @@ pub(super) fn session(
         }
         let point = controller.point();
         let (render, run) = load(now_s);
-        // Most frames are near the median, one in twenty takes `spread` times as long.
+        // Most frames are near the median; one in twenty takes `spread` times as long.
         let vary = |random: &mut SplitMix64| match random.unit() {
             u if u < 0.95 => 0.97 + 0.06 * u,
             _ => machine.spread,
@@ -117,7 +117,7 @@ pub(super) fn session(
     seen
 }
 
-/// The candidate with the least error whose 95th percentile keeps the budget, found by trying all of them.
+/// Least error of all candidates whose 95th percentile keeps the budget, found by trying each of them.
 pub(super) fn best_of_all(machine: &Machine, frame_ms: f64, (render, run): (f64, f64)) -> f64 {
     let p95_ms = |c: &Candidate| machine.spread * (render * c.render_ms + run * c.run_ms);
     let fitting = machine.candidates().into_iter().filter(|c| p95_ms(c) <= frame_ms);

@@ -1,4 +1,4 @@
-//! What watchers set by hand.
+//! Tests: settings that watchers make by hand.
 
 use super::*;
 
@@ -7,7 +7,7 @@ fn generated_pictures_return_as_soon_as_they_are_wanted() {
     let mut controller = TWO_CORES.controller(71.0);
     let begun = controller.point();
     session(&mut controller, &TWO_CORES, 0.0, 10.0, |_| (1.0, 1.0));
-    // Off and on, again and again: no change has to wait for an earlier one.
+    // Off and on repeatedly: no change has to wait for an earlier one.
     for nth in 0..6 {
         let now_s = 10.0 + f64::from(nth);
         controller.allow_generators(false);
@@ -19,7 +19,7 @@ fn generated_pictures_return_as_soon_as_they_are_wanted() {
     }
     let summary = controller.summary();
     assert_eq!((summary.lowered, summary.raised, summary.changes.len()), (6, 6, 12));
-    // Nor does one that the load asks for.
+    // A change because of load does not have to wait either.
     session(&mut controller, &TWO_CORES, 16.0, 10.0, |_| (1.9, 2.0));
     assert_ne!(controller.point(), begun);
     session(&mut controller, &TWO_CORES, 26.0, 20.0, |_| (1.0, 1.0));
@@ -45,7 +45,7 @@ fn a_quality_set_by_hand_keeps_the_generator_at_work_under_control() {
     assert!(controller.hold(1.0, quality));
     assert_eq!((controller.point().quality, controller.point().generator), (quality, generator));
     assert!(!controller.chooses_quality());
-    // Frames may take any time now; the quality stays.
+    // Frame times are not limited any more, so the quality stays.
     let seen = session(&mut controller, &TWO_CORES, 1.0, 60.0, |_| (9.0, 1.0));
     assert!(seen.changes.is_empty(), "{:?}", seen.changes);
     controller.allow_generators(false);
@@ -78,7 +78,7 @@ fn a_fixed_quality_keeps_all_its_generators() {
     let quality = FrameQuality::new(2, 3);
     assert!(controller.hold(0.0, quality));
     assert_eq!(controller.name(&controller.point()), "2x3 + fast");
-    // The frames of the new quality have no time to compare with; runs that take long are left, and return.
+    // Frames of the new quality have no measured time. Generators with long runs are left, and return later.
     for frame in 0..30 {
         controller.rendered(2.0 + f64::from(frame), quality, 900.0);
         controller.ran(2.0 + f64::from(frame), 1, 60.0);

@@ -33,7 +33,7 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
                 let ms = controller.expected_ms(&controller.point());
                 assert!(ms <= OVER_LEAST_MAX * least_ms(machine), "{machine:?} {frame_budget_ms}: {ms} ms");
             }
-            // Where none fits, one may turn out not to fit even nearly.
+            // Where no point fits, the first one may turn out to miss the budget by far.
             let most = usize::from(best.is_infinite());
             assert!(seen.changes.len() <= most, "{machine:?} {frame_budget_ms}: {:?}", seen.changes);
         }
@@ -42,7 +42,7 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
 
 #[test]
 fn a_machine_that_is_slower_than_measured_is_found_out() {
-    // Frames slow down by one factor, runs by another.
+    // Frames slow down by the first factor, generator runs by the second.
     for slow in [(1.0, 1.8), (1.8, 1.0), (1.4, 1.4), (0.6, 0.6), (2.2, 1.2)] {
         let mut controller = TWO_CORES.controller(71.0);
         session(&mut controller, &TWO_CORES, 0.0, 300.0, |_| slow);
@@ -82,7 +82,7 @@ fn two_falls_in_a_row_do_not_delay_the_return() {
     let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
     let mut controller = machine.controller(60.0);
     let begun = controller.point();
-    // The load grows while it falls.
+    // The load grows while the controller lowers the point.
     let loaded = |now_s: f64| match now_s {
         ..10.0 => (1.0, 1.0),
         ..12.0 => (1.45, 1.0),
@@ -156,7 +156,7 @@ fn nothing_is_cheaper_than_the_cheapest() {
     let mut warned = Vec::new();
     for frame in 0..3000 {
         let now_s = f64::from(frame) * PERIOD_S;
-        // Within the budget from 60 s to 80 s.
+        // Frames keep the budget from 60 s to 80 s.
         controller.rendered(now_s, FrameQuality::LQ, if (60.0..80.0).contains(&now_s) { 15.0 } else { 29.0 });
         assert_eq!(controller.change(now_s), None);
         warned.extend(controller.over_at_least(now_s).map(|overrun| (now_s, overrun)));
@@ -168,7 +168,7 @@ fn nothing_is_cheaper_than_the_cheapest() {
 
 #[test]
 fn where_none_fits_a_better_point_runs_that_takes_little_more() {
-    // 1x3 takes 5.2 ms more than 1x1. The tenth frames are far over the budget, the others are near it.
+    // 1x3 takes 5.2 ms more than 1x1. Every tenth frame is far over the budget, the others are near it.
     let machine = Machine { frame_ms: 36.0, run_ms: [500.0, 500.0], ..TWO_CORES };
     for (load, name) in [(1.3, "1x3"), (1.45, "1x1")] {
         let mut controller = machine.controller(64.0);
@@ -181,7 +181,7 @@ fn where_none_fits_a_better_point_runs_that_takes_little_more() {
         assert_eq!(controller.name(&controller.point()), name, "at {load}");
         assert!(controller.switches.len() <= 2, "{:?}", controller.switches);
     }
-    // The median of 2x3 would fit, too, but it takes a third more than 1x1.
+    // The median of 2x3 would fit as well, but it takes a third longer than 1x1.
     let machine = Machine { frame_ms: 43.0, run_ms: [500.0, 500.0], spread: 1.3, ..TWO_CORES };
     let controller = machine.controller(64.0);
     assert_eq!(controller.name(&controller.point()), "1x3");
@@ -204,7 +204,7 @@ fn a_refused_point_is_not_asked_for_again() {
             controller.ran(now_s, generator, 2.0 * begun.run_ms);
         }
     }
-    // Each point is refused once.
+    // Each point is refused at most once.
     assert!(refused > 0 && refused < RAW.len() + GENERATORS.len(), "{refused}");
     let summary = controller.summary();
     assert_eq!((summary.refused, summary.lowered, summary.raised, summary.changes), (refused as u64, 0, 0, vec![]));
@@ -222,7 +222,7 @@ fn times_that_are_none_and_pauses_do_not_count() {
         controller.rendered(now_s, FrameQuality::new(64, 3), 1000.0);
         assert_eq!(controller.change(now_s), None);
     }
-    // Few slow frames at a time, with pauses between.
+    // A few slow frames at a time, with pauses between.
     for burst in 0..50 {
         for tick in 0..6 {
             let now_s = 100.0 + 10.0 * f64::from(burst) + f64::from(tick) * PERIOD_S;
@@ -275,7 +275,7 @@ fn a_load_that_falls_slowly_raises_at_most_twice_a_minute() {
 
 #[test]
 fn a_point_over_its_budget_never_gives_way_to_a_slower_one() {
-    // One frame in 15 takes three times as long: often there is none among the latest twelve.
+    // One frame in 15 takes three times as long; the latest twelve often hold none of them.
     let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
     let mut controller = machine.controller(60.0);
     let mut frame = 0;
@@ -290,11 +290,11 @@ fn a_point_over_its_budget_never_gives_way_to_a_slower_one() {
 
 #[test]
 fn a_disturbed_start_is_forgiven() {
-    // Measured beside a busy program: times twice as long, and spread.
+    // Measured next to a busy program: times are twice as long, with a large spread.
     let disturbed = Machine { frame_ms: 52.0, path_ms: 5.2, run_ms: [52.0, 100.0], spread: 2.0 };
     let mut controller = disturbed.controller(71.0);
     session(&mut controller, &TWO_CORES, 0.0, 120.0, |_| (1.0, 1.0));
-    // Times are corrected; of the spread no more than this is believed.
+    // Live frames correct the times. The spread of the start is limited to this value.
     let believed = Machine { spread: 1.3, ..TWO_CORES };
     assert!(
         controller.point().error.at_rest <= best_of_all(&believed, ROOM * 71.0, (1.0, 1.0)),
@@ -323,7 +323,7 @@ fn the_exams_changing_frames_cost_few_changes_and_little_error() {
             assert!(changes <= 2, "{frame_budget_ms} ms: {changes} changes in minute {minute}");
         }
         assert!(over * 20 <= frames, "{frame_budget_ms} ms: {over} of {frames}");
-        // The best that could be kept all the time.
+        // Error of the best point that keeps the budget throughout.
         let p95 = crate::statistics::nearest_rank(&crate::statistics::sorted(EXAM), 0.95).unwrap();
         let best = best_of_all(&TWO_CORES, frame_budget_ms, (p95, 1.0));
         assert!(error <= 1.1 * best, "{frame_budget_ms} ms: {error} for {best}");

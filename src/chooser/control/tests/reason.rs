@@ -1,8 +1,8 @@
-//! The line that says why a generator runs or not.
+//! Tests of the text that says why a generator runs or not.
 
 use super::*;
 
-/// A controller of one rendered point and one with a generator, each with its error, time of a frame and of a run.
+/// Controller of one rendered point (error, frame time) and one with a generator (error, frame time, run time).
 fn controller(raw: (f64, f64), generated: (f64, f64, f64), budget: FrameBudget) -> PointController {
     let rolling = |rays, layers| FrameQuality { angles: 9, ..FrameQuality::new(rays, layers) };
     let candidates = vec![
@@ -45,7 +45,7 @@ fn the_two_best_points_that_fit_are_compared() {
 #[test]
 fn of_many_points_the_best_of_the_other_kind_is_named() {
     let controller = TWO_CORES.controller(71.0);
-    // Those with less error, 1x3 + fast_1x3 and 4x3, don't fit.
+    // The points with less error, 1x3 + fast_1x3 and 4x3, don't fit.
     assert_eq!(
         controller.generator_reason().unwrap(),
         "generator fast: 1x1 + fast (55 ms, error 14.0) beats 2x3 (42 ms, error 17.0) within 71 ms"

@@ -1,4 +1,4 @@
-//! Points for the speed of the probe.
+//! Tests: which operating point the controller chooses at each speed of the probe.
 
 use super::*;
 use crate::pose::Speed;
@@ -7,7 +7,7 @@ use crate::random::SplitMix64;
 const REST: Speed = Speed { mm_s: 0.0, deg_s: 0.0 };
 const FAST: Speed = Speed { mm_s: 0.0, deg_s: 20.0 };
 
-/// A controller of two cores, whose generators are of no use while the probe moves fast.
+/// Controller on two cores, whose generators don't help while the probe moves fast.
 fn controller() -> PointController {
     let candidates = TWO_CORES.candidates().into_iter().map(|candidate| {
         let at_rest = candidate.error.at_rest;
@@ -19,7 +19,7 @@ fn controller() -> PointController {
     PointController::new(candidates.collect(), names, budget).unwrap()
 }
 
-/// Runs a session whose probe has the speed of `speed` each half second, and returns its changes.
+/// Runs a session in which `speed` gives the probe's speed every half second. Returns the changes.
 fn moved(
     controller: &mut PointController,
     seconds: f64,
@@ -57,7 +57,7 @@ fn a_restless_probe_does_not_make_it_flicker() {
     let restless = moved(&mut controller, 300.0, speed, |_| (1.0, 1.0));
     assert!(restless.len() <= 30, "{restless:?}");
     assert!(restless.windows(2).all(|pair| pair[1].0 - pair[0].0 >= RISE_S), "{restless:?}");
-    // Five seconds each.
+    // Five seconds fast and five at rest, in turns.
     let mut controller = self::controller();
     let speed = |now_s: f64| if now_s % 10.0 < 5.0 { FAST } else { REST };
     let changes = moved(&mut controller, 300.0, speed, |_| (1.0, 1.0));
