@@ -1,4 +1,5 @@
-//! Point targets and edges: −6 dB widths compared with those of the pulse, and of beam and lens by diffraction.
+//! Echo widths of point targets and of an edge. Axial widths are compared with the pulse; lateral and elevational ones
+//! with diffraction of beam and lens.
 
 use glam::DVec2;
 
@@ -11,16 +12,16 @@ use crate::render::RenderError;
 use crate::settings::Apodization;
 use crate::transducer::{Probe, ProbeKind};
 
-/// Depths of the posts, mm.
+/// Depths of the posts (point targets), mm.
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
-/// Depth of the edge for the elevational beam, mm.
+/// Depth of the edge that measures the elevational width, mm.
 const EDGE_MM: f64 = 30.0;
-/// Rays and layers at the edge.
+/// Rays and layers of frames of the edge.
 const PATHS: (u32, u32) = (128, 5);
-/// Part of a Gaussian below −σ.
+/// Share of a Gaussian's integral below −σ.
 const BELOW_SIGMA: f64 = 0.158_655_253_931_457_05;
 
-/// Posts in a fan, and an edge.
+/// Positions of the two specimens: posts along a fan's scanlines, and an edge.
 pub(super) struct Beam {
     posts: DVec2,
     edge: DVec2,
@@ -30,13 +31,13 @@ fn fan() -> Probe {
     Probe { kind: ProbeKind::Convex { radius_mm: 40.0, fov_deg: 20.0 }, ..Probe::default() }
 }
 
-/// Two-way lateral width, mm, by an independent sum over the default aperture.
+/// Two-way lateral width of the default beam at a depth, mm, from an independent diffraction sum over the aperture.
 fn lateral_width_mm(apodization: Apodization, depth_mm: f64) -> f64 {
     let key = format!("{},8,20,70,{depth_mm}", apodization.name());
     fixture(include_str!("../../tests/truth/point_spread.csv"), &key, "flat_width_mm")
 }
 
-/// Scanline of a post.
+/// Scanline along which post number `i` stands.
 fn post_line(i: usize) -> u32 {
     let posts = POSTS_MM.len() as u32;
     (2 * i as u32 + 1) * fan().scanlines / (2 * posts)
@@ -49,7 +50,7 @@ impl Beam {
         for (i, &depth) in POSTS_MM.iter().enumerate() {
             bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), depth, 300.0));
         }
-        // Begins at y = 0 of its place.
+        // The slab's edge lies at y = 0 of the specimen's position.
         bench.add(target, 1, slab(edge + DVec2::new(0.0, 20.0), 20.0, EDGE_MM, 45.0));
         Self { posts, edge }
     }
@@ -89,14 +90,14 @@ impl Family for Beam {
                 checks.push(Check::new("Point spread", name, "mm", want, got, 0.05 * want));
             }
         }
-        // As the probe moves across the edge, the part of the beam that meets it grows like a Gaussian's integral.
-        // A wide aperture takes the echoes of the oblique paths, too.
+        // As the probe moves across the edge, the share of the beam on the slab grows like the integral of a Gaussian.
+        // The wide aperture also receives the echoes of oblique paths.
         let near = Probe { aperture_mm: 80.0, ..linear(1, 1.0, 256, 50.0) };
         let far = Probe { elevational_height_mm: 8.0, elevational_focus_mm: 20.0, ..near };
         for (probe, side) in [(near, "before"), (far, "beyond")] {
             let mut amplitude = |y: f64| {
                 let frame = rig.frame(&probe, &small(PATHS.0, PATHS.1), &at(self.edge.x, self.edge.y + y, 0.0))?;
-                // Excludes depths behind the edge, where paths hit the slab's side.
+                // Excludes depths beyond the edge, where paths hit the side of the slab.
                 let [from, to] = [EDGE_MM - 0.1, EDGE_MM + 0.2].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
                 let edge = line(&probe, frame, 0).get(from..to).unwrap_or_default();
                 Ok::<_, RenderError>(edge.iter().map(|&s| magnitude(s)).fold(0.0, f64::max))
@@ -113,7 +114,7 @@ impl Family for Beam {
             let got = FWHM_PER_SIGMA * 0.5 * (place(1.0 - BELOW_SIGMA)? - place(BELOW_SIGMA)?);
             let want = FWHM_PER_SIGMA * probe.elevational_sigma_mm(EDGE_MM);
             let name = format!("elevational width at {EDGE_MM:.0} mm, {side} the focus");
-            // The widths of straight lines follow those of diffraction within so much.
+            // The widths that straight paths give agree with diffraction within 10 %.
             checks.push(Check::new("Point spread", name, "mm", want, got, 0.1 * want));
         }
         Ok(checks)

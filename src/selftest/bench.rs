@@ -1,4 +1,4 @@
-//! Specimens: synthetic tissues and bodies with known echoes.
+//! Specimens: synthetic tissues and bodies with known echoes, side by side in one scene.
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
@@ -7,14 +7,14 @@ use crate::pose::Pose;
 use crate::render::{Choice, Effect, ImageSettings, RenderSettings};
 use crate::transducer::{Probe, ProbeKind};
 
-/// Distance between neighbouring specimens, mm.
+/// Distance between the positions of neighbouring specimens, mm.
 const PITCH_MM: f64 = 100.0;
-/// Specimens in a row.
+/// Number of specimens in a row.
 const ROW: u32 = 5;
-/// Half of the length of a prism, mm.
+/// Half the length of a prism across the scan plane, mm.
 const HALF_LENGTH_MM: f64 = 40.0;
 
-/// A lossless tissue without scatterers, of a given speed and impedance.
+/// Lossless tissue without scatterers, with a given speed and impedance.
 pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
     Tissue {
         speed_m_s,
@@ -24,27 +24,27 @@ pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
     }
 }
 
-/// A tissue of 1.6 MRayl with a scatterer in every lattice cell.
+/// Tissue of 1.6 MRayl with a scatterer in every lattice cell. Its amplitudes have this mean and deviation.
 pub fn grainy(mean: f64, deviation: f64) -> Tissue {
     Tissue { scatterer_density: 1.0, scatterer_mean: mean, scatterer_deviation: deviation, ..silent(1540.0, 1.6) }
 }
 
-/// Surfaces under construction; the first tissue is the background.
+/// Tissues and surfaces of specimens under construction. The first tissue is the background.
 #[derive(Debug, Default)]
 pub struct Bench {
     tissues: Vec<Tissue>,
     surfaces: Vec<Surface>,
-    /// Number of places taken.
+    /// Number of positions that are taken.
     places: u32,
 }
 
 impl Bench {
-    /// A bench with the tissue `background`, number 0.
+    /// Starts without specimens. `background` becomes tissue 0.
     pub fn new(background: Tissue) -> Self {
         Self { tissues: vec![background], ..Self::default() }
     }
 
-    /// Next free place, (x, y) in mm, on a grid of 100 mm.
+    /// Takes the next free position of a specimen, (x, y) in mm, on a grid of 100 mm.
     pub(super) fn place(&mut self) -> DVec2 {
         let place = DVec2::new(f64::from(self.places % ROW), f64::from(self.places / ROW));
         self.places += 1;
@@ -57,17 +57,17 @@ impl Bench {
         self.tissues.len() - 1
     }
 
-    /// Adds a surface.
+    /// Adds a body with this tissue index, bounded by `mesh`. Where bodies overlap, the higher priority counts.
     pub fn add(&mut self, tissue: usize, priority: i32, mesh: Mesh) {
         self.surfaces.push(Surface { name: String::new(), tissue, priority, mesh });
     }
 
-    /// Scene of the specimens. Tissue i keeps its index.
+    /// Scene of the specimens. Tissue indices stay the same.
     ///
     /// # Errors
-    /// A tissue outside its range, or more than 255.
+    /// A tissue outside its range, or more than 255 tissues.
     pub fn scene(self) -> Result<Scene, TissueError> {
-        // Tables are sorted by name, so names follow the order of the numbers.
+        // Tissue tables are sorted by name, so the names keep the order of the indices.
         let named = self.tissues.into_iter().enumerate().map(|(i, t)| (format!("t{i:03}"), t));
         let mut scene = Scene {
             tissues: TissueTable::new(named)?,
@@ -81,13 +81,13 @@ impl Bench {
     }
 }
 
-/// A probe with parallel scanlines `spacing_mm` apart.
+/// Probe with parallel scanlines `spacing_mm` apart.
 pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> Probe {
     let kind = ProbeKind::Linear { width_mm: spacing_mm * f64::from(scanlines) };
     Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
 }
 
-/// Settings that keep the lines, with a small image. Formulas are of single paths, so the aperture is left out.
+/// Settings for a small image and kept RF lines. Most formulas describe single paths, so the effect `aperture` is off.
 pub fn small(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
     settings.effects = settings.effects.with(Effect::Aperture, Choice::Off);
@@ -96,12 +96,12 @@ pub fn small(rays: u32, layers: u32) -> RenderSettings {
     settings
 }
 
-/// Pose at a point, looking along +z with x to the side.
+/// Pose at a point (mm), facing +z, with its lateral axis along +x.
 pub fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose { position_mm: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
 }
 
-/// A box about `centre` (x, y) from depth `top` to `bottom`, mm.
+/// Box around `centre` (x, y) from depth `top` to depth `bottom`, mm.
 pub fn slab(centre: DVec2, half_width: f64, top: f64, bottom: f64) -> Mesh {
     let centre = centre.as_vec2();
     let half = half_width as f32;
@@ -111,13 +111,14 @@ pub fn slab(centre: DVec2, half_width: f64, top: f64, bottom: f64) -> Mesh {
     )
 }
 
-/// A box of `size` mm, its upper face centred at `point` with the normal −z turned by `rotation`.
+/// Cube with sides of `size` mm whose front face is centred at `point`. `rotation` turns the face's normal from −z.
 pub fn facing(point: DVec3, size: f64, rotation: DQuat) -> Mesh {
     let centre = point + rotation * DVec3::new(0.0, 0.0, 0.5 * size);
     analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
-/// A body about `centre` (x, y) whose section in the plane of the scanlines lies between two curves, both at the places `xs`.
+/// Body around `centre` (x, y), mm. Its section in the scan plane lies between the curves `top` and `bottom`, sampled
+/// at the lateral positions `xs`.
 pub fn prism(centre: DVec2, xs: &[f64], top: impl Fn(f64) -> f64, bottom: impl Fn(f64) -> f64) -> Mesh {
     let count = xs.len() as u32;
     let mut vertices_mm = Vec::new();
@@ -141,8 +142,8 @@ pub fn prism(centre: DVec2, xs: &[f64], top: impl Fn(f64) -> f64, bottom: impl F
     Mesh { vertices_mm, triangles }
 }
 
-/// A post along a scanline of a probe at `face`, narrow enough to be hit by its ray only. Its one visible face is at
-/// `depth_mm`.
+/// Post along a scanline of a probe whose face is at `face`. It is so narrow that only that scanline's ray hits it. Its
+/// only visible face is at `depth_mm`.
 pub fn post(face: DVec3, probe: &Probe, line: u32, depth_mm: f64, length_mm: f64) -> Mesh {
     let lateral = probe.lateral_coordinate((f64::from(line) + 0.5) / f64::from(probe.scanlines));
     let (origin, direction) = probe.ray(lateral);

@@ -1,9 +1,9 @@
-//! Dates of the civil calendar.
+//! Dates of the Gregorian calendar.
 
 /// ISO 8601 string of a time in s since 1970 (UTC).
 ///
-/// Days to date after Hinnant, "chrono-compatible low-level date algorithms": years begin in March, with leap days at
-/// the end.
+/// The conversion from days follows Hinnant, "chrono-compatible low-level date algorithms": years begin in March, so
+/// leap days come last.
 pub(super) fn utc(unix_s: u64) -> String {
     let (days, seconds) = (unix_s / 86_400 + 719_468, unix_s % 86_400);
     let (era, day_of_era) = (days / 146_097, days % 146_097);

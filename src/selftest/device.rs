@@ -1,4 +1,5 @@
-//! Device checks: repeatability of a frame, and comparison with the f64 twins.
+//! Device checks: repeatability of a frame, and comparison with the f64 twins (reference implementations of the
+//! passes).
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -8,7 +9,7 @@ use crate::anatomy::{Tissue, analytic};
 use crate::pose::Pose;
 use crate::render::{Frame, RenderError, RenderSettings, twin};
 
-/// A body with every kind of tissue: grainy, rough, strongly reflecting, absorbing.
+/// Position of a specimen with tissues of each kind: grainy, rough, strongly reflecting, absorbing.
 pub(super) struct Device {
     place: DVec2,
 }
@@ -34,13 +35,13 @@ impl Device {
 
 fn settings() -> RenderSettings {
     let mut settings = small(4, 3);
-    // Nonzero gain and distinct sliders: every term of the level counts.
+    // With nonzero gain and distinct TGC sliders, every term of the level counts.
     settings.image.gain_db = 7.0;
     settings.image.tgc_sliders_db = [3.0, -4.0, 6.0, 0.5, -5.0, 4.0, -2.0, 5.0];
     settings
 }
 
-/// All values of a frame, as bits.
+/// All values of a frame, floats as their bits.
 fn words(frame: &Frame) -> Vec<u32> {
     let reals = frame.lines.iter().flatten().chain(&frame.attenuation).chain([&frame.attenuation_p98]);
     let bytes = frame.bmode.iter().chain(&frame.segmentation).map(|&b| u32::from(b));
@@ -55,7 +56,7 @@ impl Family for Device {
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let probe = linear(64, 0.5, 512, 50.0);
         let pose = self.pose();
-        // Several paths per scanline, and the single path of low quality.
+        // Settings with several paths per scanline, and with the single path of low quality.
         let (mut differ, mut of) = (0, 0);
         for settings in [settings(), small(1, 1)] {
             let first = words(rig.frame(&probe, &settings, &pose)?);

@@ -1,13 +1,13 @@
 //! Expected values of checks, from the tables of `tests/truth/`.
 
-/// Value in the column `wanted` of the row of a table that begins with the columns `key`. NaN, with which every check fails, if
-/// there is none.
+/// Value in column `wanted` of the row whose first columns are `key`. NaN if there is none, so that every check with it
+/// fails.
 pub(super) fn fixture(table: &str, key: &str, wanted: &str) -> f64 {
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
     let column = lines.next().and_then(|head| head.split(',').position(|column| column == wanted));
     let begins = |line: &&str| line.strip_prefix(key).is_some_and(|rest| rest.starts_with(','));
     let text = lines.find(begins).zip(column).and_then(|(line, column)| line.split(',').nth(column));
-    // Adding 0 takes the sign from −0.
+    // Adding 0 turns −0 into 0.
     text.and_then(|text| text.parse().ok()).map_or(f64::NAN, |value: f64| value + 0.0)
 }
 

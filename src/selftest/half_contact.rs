@@ -1,4 +1,4 @@
-//! Speckle beside the edge of contact, half of the face being lifted, compared with diffraction sums.
+//! Speckle near the edge of contact, with half of the probe's face lifted off the skin, compared with diffraction sums.
 
 use glam::{DVec2, Vec3};
 
@@ -10,34 +10,34 @@ use crate::anatomy::{Tissue, analytic};
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
 
-/// Depths, mm.
+/// Depths of the compared speckle, mm.
 const DEPTHS_MM: [f64; 2] = [60.0, 100.0];
-/// Distances of scanlines from the edge of contact, mm; negative where the face is lifted.
+/// Distances of the compared scanlines from the edge of contact, mm; negative where the face is lifted.
 const PLACES_MM: [f64; 5] = [-5.0, -2.0, 0.0, 3.0, 10.0];
-/// Largest accepted error of a level, dB.
+/// Largest accepted error of a speckle level, dB.
 const TOLERANCE_DB: f64 = 2.0;
-/// Thickness of the film of gel, and of the air beyond it, mm: it passes −92 dB.
+/// Thickness of the gel film under the lifted half, and of the air gap beyond, mm. Only −92 dB pass it.
 const GEL_MM: f64 = 3.0;
 const GAP_MM: f64 = 2.0;
-/// Slides across the slice over which power is summed, mm.
+/// Elevational offsets of the frames whose power is summed, mm.
 const SLIDES_MM: [f64; 2] = [-3.0, 3.0];
-/// Half of the range over which power is summed, mm.
+/// Half of the depth range over which power is summed, mm.
 const HALF_MM: f64 = 4.0;
-/// Scanlines within this distance of a place belong to it, mm.
+/// Largest lateral distance of a scanline from a compared position to count there, mm.
 const BESIDE_MM: f64 = 0.2;
 const LINES: u32 = 200;
 const SPACING_MM: f64 = 0.25;
 
-/// Level over full contact, dB, by diffraction sums.
+/// Speckle level with half contact relative to full contact, dB, by diffraction sums.
 fn level_db(place_mm: f64, depth_mm: f64) -> f64 {
     let key = format!("contact,8,20,70,{place_mm},{depth_mm}");
     fixture(include_str!("../../tests/truth/edges.csv"), &key, "level_db")
 }
 
-/// Power of each scanline [depths][scanlines].
+/// Power of each scanline at each depth [depths][scanlines].
 type Powers = [Vec<f64>; DEPTHS_MM.len()];
 
-/// A body whose skin lies lower on one side.
+/// Position of a body whose skin lies deeper on one side.
 pub(super) struct HalfContact {
     place: DVec2,
 }
@@ -54,14 +54,14 @@ impl HalfContact {
         Self { place }
     }
 
-    /// Powers with half of the face or all of it in contact.
+    /// Powers with half of the face in contact, if `contact` is on, else with all of it.
     fn powers(&self, rig: &mut Rig, aperture: Choice, contact: Choice) -> Result<Powers, RenderError> {
         let probe =
             Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(LINES, SPACING_MM, 1536, 110.0) };
         let mut settings = small(1, 1);
         settings.effects = settings.effects.with(Effect::Aperture, aperture).with(Effect::Contact, contact);
         settings.contact.gel_mm = GEL_MM;
-        // Levels are of what the body returns.
+        // No reverberation: the levels compare only what the body returns.
         settings.receiver.reverberation_db = -400.0;
         let mut powers = DEPTHS_MM.map(|_| vec![0.0; LINES as usize]);
         for slide_mm in SLIDES_MM {
@@ -76,7 +76,7 @@ impl HalfContact {
     }
 }
 
-/// Power of the scanlines at a place.
+/// Power of the scanlines near a lateral position, summed.
 fn there(row: &[f64], place_mm: f64) -> f64 {
     let x_mm = |number: u32| (f64::from(number) + 0.5 - 0.5 * f64::from(LINES)) * SPACING_MM;
     (0_u32..)

@@ -1,4 +1,4 @@
-//! The image and its maps: the shadow of a plate, time-gain compensation, segmentation, attenuation.
+//! Checks of the image and its maps: shadow of a plate, time-gain compensation, segmentation, attenuation.
 
 use glam::DVec2;
 
@@ -12,28 +12,28 @@ use crate::render::{Frame, RenderError, RenderSettings};
 use crate::statistics::slope;
 use crate::transducer::{Probe, Sector};
 
-/// Attenuation of the block and of the plate in it, dB/cm/MHz.
+/// Attenuation of a block, and of an absorbing plate in it, dB/cm/MHz.
 const BLOCK_ALPHA: f64 = 0.5;
 const PLATE_ALPHA: f64 = 3.0;
-/// Impedances of the block and the plate, MRayl: similar enough for reflections to be ignored.
+/// Impedances of block and plate, MRayl. They are so close that multiple reflections can be ignored.
 const BLOCK_IMPEDANCE: f64 = 1.6;
 const PLATE_IMPEDANCE: f64 = 1.9;
-/// Depths of the plate's faces, mm.
+/// Depths of the plate's front and back face, mm.
 const PLATE_MM: (f64, f64) = (20.0, 24.0);
-/// Depths between which speckle is measured, mm.
+/// Depth range below the plate in which speckle is measured, mm.
 const BELOW_MM: (f64, f64) = (28.0, 56.0);
-/// Gain and dynamic range, dB: speckle is mid-grey.
+/// Gain and dynamic range, dB, at which speckle is mid-grey.
 const GAIN_DB: f64 = 10.0;
 const RANGE_DB: f64 = 100.0;
-/// TGC, dB/cm; differs from the loss to leave a measurable slope.
+/// Time-gain compensation, dB/cm. It differs from the loss, so that a measurable slope remains.
 const TGC_DB_CM: f64 = 5.0;
 /// RMS amplitude of the block's scatterers.
 const DEVIATION: f64 = 0.03;
-/// Mean level of fully developed speckle below its RMS level, dB: 10·γ/ln 10 for an exponential power, γ Euler's
-/// constant.
+/// Difference of the RMS level of fully developed speckle from its mean level, dB: 10·γ/ln 10 for exponentially
+/// distributed power, with Euler's constant γ.
 const LOG_SPECKLE_DB: f64 = 2.506_815_5;
 
-/// A block with a plate over one half.
+/// Position of a block whose left half holds the plate.
 pub(super) struct Image {
     place: DVec2,
     plate_tissue: usize,
@@ -58,20 +58,20 @@ impl Image {
         let plate_tissue =
             bench.tissue(Tissue { attenuation_db_cm_mhz: PLATE_ALPHA, ..silent(1540.0, PLATE_IMPEDANCE) });
         bench.add(block, 1, slab(place, 40.0, -20.0, 90.0));
-        // Left half only.
+        // The plate lies in the left half only.
         bench.add(plate_tissue, 2, slab(place - DVec2::new(15.0, 0.0), 15.0, PLATE_MM.0, PLATE_MM.1));
         Self { place, plate_tissue }
     }
 }
 
-/// Means over rectangles of the sector, (x, z) in mm.
+/// A frame and its sector, for means over rectangles of lateral range × depth range, mm.
 struct View<'a> {
     frame: &'a Frame,
     sector: Sector,
 }
 
 impl View<'_> {
-    /// Mean of `value` over the pixels with centres in a rectangle.
+    /// Mean of `value(pixel index)` over the pixels whose centres are in the rectangle `x` × `z`.
     fn mean(&self, x: (f64, f64), z: (f64, f64), value: impl Fn(usize) -> f64) -> f64 {
         let (mut count, mut sum) = (0u32, 0.0);
         for row in 0..self.sector.height {
@@ -86,7 +86,7 @@ impl View<'_> {
         sum / f64::from(count)
     }
 
-    /// Mean grey level, dB.
+    /// Mean grey level in a rectangle, dB.
     fn db(&self, x: (f64, f64), z: (f64, f64)) -> f64 {
         self.mean(x, z, |i| f64::from(self.frame.bmode[i]) * RANGE_DB / 255.0)
     }
@@ -119,7 +119,7 @@ impl Family for Image {
         let want_db = at_face_db + want_slope * depth_cm;
         let grey = format!("level of the grey at {:.0} mm", 10.0 * depth_cm);
 
-        // Depth covered by pixels of the plate's tissue.
+        // Extent in depth of the pixels with the plate's tissue.
         let number = self.plate_tissue as u8 + 1;
         let column = (-10.0, -9.0);
         let is_plate = |i: usize| f64::from(u8::from(frame.segmentation[i] == number));
@@ -129,15 +129,15 @@ impl Family for Image {
                 f64::from(u8::from(frame.segmentation[i] != number && row_mm(&sector, i) < PLATE_MM.1))
             });
 
-        // One-way level of the attenuation map at 50 mm, in the shadow.
+        // One-way level of the attenuation map at a depth of 50 mm, in the shadow.
         let z = (49.0, 51.0);
         let level = view.mean(left, z, |i| db_from_amplitude(f64::from(frame.attenuation[i] * frame.attenuation_p98)));
         let want_level = -(50.0 - thickness) * one_way_db_mm(BLOCK_ALPHA) - thickness * one_way_db_mm(PLATE_ALPHA);
         Ok(vec![
             Check::new("Shadow", "depth behind an absorbing plate", "dB", want_shadow, shadow, 1.0),
             Check::new("Image", "slope of the grey levels with TGC", "dB/cm", want_slope, slope(&rows).0, 0.15),
-            // Some 4000 independent speckles of 5.6 dB give 0.1 dB of chance, equal on every device; the rest is due to
-            // the lattice.
+            // About 4000 independent speckles, each with a deviation of 5.6 dB, give a random error of 0.1 dB, equal on
+            // every device. The rest comes from the scatterer lattice.
             Check::new("Image", grey, "dB", want_db, level_db, 0.75),
             Check::new("Maps", "segmentation: depth of the plate", "mm", PLATE_MM.0, top_mm, sector.pixel_mm),
             Check::new("Maps", "segmentation: thickness of the plate", "mm", thickness, plate_mm, sector.pixel_mm),

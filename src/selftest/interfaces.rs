@@ -1,4 +1,5 @@
-//! Echoes of plane interfaces: amplitude compared with Fresnel, range with the time of flight, loss with α.
+//! Echoes of plane interfaces: amplitudes compared with Fresnel's formula, ranges with times of flight, losses with
+//! attenuation.
 
 use glam::{DQuat, DVec2};
 
@@ -16,32 +17,33 @@ use crate::transducer::Probe;
 
 /// Depth of the interfaces at normal incidence, mm.
 const NORMAL_MM: f64 = 37.3;
-/// Names of the two media at an interface, and their impedances, MRayl.
+/// Names of the media before and beyond an interface, and their impedances, MRayl.
 const NORMAL: [(&str, f64, f64); 4] = [
     ("water to bone", 1.48, 7.8),
     ("fat to muscle", 1.38, 1.65),
     ("muscle to liver", 1.65, 1.62),
     ("tissue to air", 1.65, 0.0004),
 ];
-/// Speed (m/s) of the background of oblique interfaces. Its impedance follows, MRayl.
+/// Speed (m/s) and impedance (MRayl) of the medium before oblique interfaces, the background.
 const OBLIQUE_SPEED: f64 = 1540.0;
 const OBLIQUE_IMPEDANCE: f64 = 1.5;
 /// Depth of oblique interfaces, mm.
 const OBLIQUE_MM: f64 = 30.0;
-/// Angle of incidence (degrees), and impedance (MRayl) and speed (m/s) of the second medium.
+/// For each oblique interface: angle of incidence (degrees), then impedance (MRayl) and speed (m/s) of the second
+/// medium.
 const OBLIQUE: [(f64, f64, f64); 2] = [(20.0, 1.65, 1700.0), (20.0, 7.8, 4080.0)];
-/// Layers by name and speed, m/s; their depths, and the depth of the plate behind them, mm.
+/// Name and speed (m/s) of each layer. Then the depths of its faces, and of the plate beyond it, mm.
 const LAYERS: [(&str, f64); 2] = [("fat", 1450.0), ("bone", 4080.0)];
 const LAYER_MM: (f64, f64) = (8.0, 20.0);
 const BEHIND_MM: f64 = 35.0;
-/// Attenuation (dB/cm/MHz) of the medium in front of the plates, and the depths of the plates, mm.
+/// Attenuation of the medium before the plates (dB/cm/MHz), and depths of the plates, mm.
 const ALPHA: f64 = 0.5;
 const PLATES_MM: [f64; 3] = [5.0, 20.0, 41.0];
 
-/// Specimens of plane interfaces.
+/// Positions of the specimens with plane interfaces.
 pub(super) struct Interfaces {
     normal: Vec<DVec2>,
-    /// Per case, a reference plate with the background's speed, and the plate itself.
+    /// For each case, a reference plate with the background's speed, and the plate of the case.
     oblique: Vec<[DVec2; 2]>,
     layers: Vec<DVec2>,
     plates: Vec<DVec2>,
@@ -87,7 +89,7 @@ impl Interfaces {
     }
 }
 
-/// Strongest echo of a line above `threshold`; `None` in silence.
+/// Strongest echo of a scanline with an amplitude above `threshold`; `None` if there is none.
 fn strongest(probe: &Probe, samples: &[[f32; 2]], threshold: f64) -> Option<Echo> {
     echoes(probe, samples, threshold).into_iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))
 }
@@ -103,7 +105,7 @@ impl Family for Interfaces {
         for (&(what, z1, z2), &place) in NORMAL.iter().zip(&self.normal) {
             let frame = rig.frame(&probe, &small(1, 1), &at(place.x, place.y, 0.0))?;
             let r = interface(z1, z2, 1540.0, 1540.0, 1.0).pressure_reflection;
-            // The probe's face is inside the first medium, so the interface gives the only echo.
+            // The probe's face is inside the first medium, so only the interface gives an echo.
             let amplitude = strongest(&probe, line(&probe, frame, 4), 1e-5).map_or(f64::NAN, |e| e.amplitude);
             let name = format!("{what} at normal incidence, |r|");
             checks.push(Check::new("Fresnel", name, "", r.abs(), amplitude, 2e-3 * r.abs()));
@@ -115,7 +117,7 @@ impl Family for Interfaces {
                 let echo = echoes(&single, line(&single, frame, 0), 1e-16).into_iter().next();
                 Ok::<_, RenderError>(echo.map_or(f64::NAN, |e| e.amplitude))
             };
-            // At equal angles the aperture's factor is equal in both echoes and cancels.
+            // Both plates have the same angle, so the aperture's factor is the same in both echoes and cancels.
             let ratio = amplitude(pair[1])? / amplitude(pair[0])?;
             let cos = degrees.to_radians().cos();
             let r = |c: f64| interface(OBLIQUE_IMPEDANCE, z2, OBLIQUE_SPEED, c, cos).pressure_reflection;
@@ -127,7 +129,7 @@ impl Family for Interfaces {
             let frame = rig.frame(&probe, &small(1, 1), &at(place.x, place.y, 0.0))?;
             let thickness = LAYER_MM.1 - LAYER_MM.0;
             let want = ASSUMED_SPEED_M_S * ((BEHIND_MM - thickness) / 1480.0 + thickness / speed);
-            // The plate is the deepest echo.
+            // The plate gives the deepest echo.
             let range = echoes(&probe, line(&probe, frame, 4), 1e-3).last().map_or(f64::NAN, |e| e.range_mm(1.0));
             let name = format!("plate behind {thickness:.0} mm of {what}, range by the phase");
             checks.push(Check::new("Time of flight", name, "mm", want, range, 2e-3));

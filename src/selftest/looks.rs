@@ -1,4 +1,5 @@
-//! Steps of a look: what they leave of the speckle of a uniform tissue, of the receiver's noise, and of a point's width.
+//! Errors of the steps of a look (post-processing): remaining variation of a uniform tissue and of receiver noise, and
+//! width of a point.
 
 use glam::DVec2;
 
@@ -12,43 +13,43 @@ use crate::render::{Backend, Choice, Effect, ImageSettings, RenderError, RenderS
 use crate::settings::{LookSettings, ReceiverSettings};
 use crate::transducer::{Probe, ProbeKind};
 
-/// Level of the receiver's noise, dB.
+/// Level of the receiver noise, dB.
 const NOISE_DB: f64 = -70.0;
-/// Depth of the point: the focus, mm.
+/// Depth of the point target, mm. The focus is there as well.
 const POINT_MM: f64 = 70.0;
-/// Frames of a sequence, and the time between them, s: persistence reaches its end.
+/// Number of frames in a sequence, and time between them, s. Persistence has settled at the end.
 const FRAMES: u32 = 16;
 const FRAME_S: f64 = 0.04;
-/// Part of the picture that is measured: from and to, across and down.
+/// Measured part of the picture, as fractions: from and to across, then from and to in depth.
 const PART: [[f64; 2]; 2] = [[0.4, 0.6], [0.3, 0.8]];
-/// Deviation of a level that is hard to see, dB.
+/// Tolerance: standard deviation of the level that is hard to see, dB.
 const LEVEL_DB: f64 = 1.0;
-/// A width that is hard to see in a picture of 15 cm, mm.
+/// Tolerance: width that is hard to see in a picture of 15 cm, mm.
 const WIDTH_MM: f64 = 0.3;
 
-/// Errors with one step of a look and without it.
+/// A step of the look, and the errors with and without it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LookError {
-    /// A plain look with this step; without it, it is [`LookSettings::default`].
+    /// Plain look with this step added. The plain look itself is [`LookSettings::default`].
     pub look: LookSettings,
     /// Whether the step is tissue harmonics.
     pub harmonics: bool,
-    /// The errors.
+    /// Errors with and without the step.
     pub error: TruthError,
 }
 
-/// Specimen that a step is measured on.
+/// Kind of specimen on which a step is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Specimen {
-    /// A uniform tissue, whose picture would be one level.
+    /// Uniform tissue, whose ideal picture has one level.
     Tissue,
-    /// Water, whose picture is the receiver's noise.
+    /// Water, whose picture is only receiver noise.
     Noise,
-    /// A point, whose picture would be as narrow.
+    /// Point target, whose ideal picture has no width.
     Point,
 }
 
-/// A step of a look, and its specimen.
+/// Name of a step, its specimen, and the plain look with this step.
 type Step = (&'static str, Specimen, LookSettings);
 
 const HARMONICS: &str = "harmonics";
@@ -103,7 +104,7 @@ pub(crate) fn look_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) ->
     Ok(errors)
 }
 
-/// Places of the specimens.
+/// Positions of the specimens.
 struct Specimens {
     tissue: DVec2,
     noise: DVec2,
@@ -136,13 +137,13 @@ impl Specimens {
     }
 }
 
-/// A fan whose scanlines are close at the focus.
+/// Convex probe whose scanlines are close together at the focus.
 fn fan(harmonics: bool) -> Probe {
     let kind = ProbeKind::Convex { radius_mm: 40.0, fov_deg: 20.0 };
     Probe { kind, harmonics, frequency_mhz: 4.0, focus_mm: POINT_MM, ..Probe::default() }
 }
 
-/// Standard deviation of the levels in the middle of the last of some pictures, dB.
+/// Standard deviation of the levels in the middle of the last of `frames` successive pictures, dB.
 fn deviation_db(rig: &mut Rig, place: DVec2, look: LookSettings, frames: u32) -> Result<f64, RenderError> {
     let probe = super::bench::linear(256, 0.3, 1536, 80.0);
     let base = small(1, 1);
@@ -181,7 +182,7 @@ fn deviation_db(rig: &mut Rig, place: DVec2, look: LookSettings, frames: u32) ->
     Ok((levels_db.iter().map(|db| (db - mean_db).powi(2)).sum::<f64>() / count).sqrt())
 }
 
-/// Lateral width of the point at half of its amplitude, mm.
+/// Full lateral width of the point at half its amplitude, mm.
 fn width_mm(rig: &mut Rig, place: DVec2, probe: &Probe) -> Result<f64, RenderError> {
     let frame = rig.frame(probe, &small(1, 1), &at(place.x, place.y, 0.0))?;
     let sample = (POINT_MM / probe.sample_spacing_mm()) as usize;

@@ -1,20 +1,20 @@
-//! Measurements on lines: echoes, widths, powers.
+//! Measurements on scanlines: echoes, widths, powers.
 
 use crate::render::Frame;
 use crate::transducer::Probe;
 
-/// Magnitude of a sample.
+/// Magnitude of a complex sample.
 pub fn magnitude(sample: [f32; 2]) -> f64 {
     f64::from(sample[0]).hypot(f64::from(sample[1]))
 }
 
-/// Samples of a scanline; empty if the frame has no lines.
+/// Complex samples of scanline number `line`; empty if the frame has no lines.
 pub fn line<'a>(probe: &Probe, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
     let samples = probe.samples as usize;
     frame.lines.get(line as usize * samples..).and_then(|rest| rest.get(..samples)).unwrap_or_default()
 }
 
-/// Power of a scanline's samples within `half_mm` of a range, mm.
+/// Summed power of a scanline's samples within `half_mm` of `range_mm`.
 pub fn power_about(probe: &Probe, frame: &Frame, number: u32, range_mm: f64, half_mm: f64) -> f64 {
     let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
     let samples = line(probe, frame, number).get(sample(range_mm - half_mm)..sample(range_mm + half_mm));
@@ -28,16 +28,16 @@ pub struct Echo {
     pub peak_mm: f64,
     /// Envelope at the peak.
     pub amplitude: f64,
-    /// Phase at the peak, turns.
+    /// Phase at the peak, in turns.
     turns: f64,
     turns_per_mm: f64,
 }
 
 impl Echo {
-    /// Range from the phase, mm, of an echo with reflection of sign `sign`; the peak selects the period.
+    /// Range of the echo, mm, from its phase. The peak selects the period. `sign` is the sign of the reflection.
     pub fn range_mm(&self, sign: f64) -> f64 {
         let shift = if sign < 0.0 { 0.5 } else { 0.0 };
-        // The phase is −turns_per_mm·z.
+        // The phase at range z is −turns_per_mm·z.
         let off = -(self.turns - shift) - self.turns_per_mm * self.peak_mm;
         self.peak_mm + (off - off.round()) / self.turns_per_mm
     }
@@ -62,8 +62,8 @@ pub fn echoes(probe: &Probe, line: &[[f32; 2]], threshold: f64) -> Vec<Echo> {
         .collect()
 }
 
-/// Full width at half the maximum of a sampled bell, in samples. The logarithm is interpolated as a parabola, exact for
-/// a Gaussian. NaN if a side does not fall to the half.
+/// Full width at half maximum of a sampled bell curve, in samples. Interpolates the logarithm as a parabola, which is
+/// exact for a Gaussian. NaN if a side never falls to half the maximum.
 pub fn half_width(values: &[f64]) -> f64 {
     let Some(peak) = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])) else { return f64::NAN };
     let half = 0.5 * values[peak];
@@ -83,7 +83,7 @@ pub fn half_width(values: &[f64]) -> f64 {
     side(&mut values[peak + 1..].iter().copied()) + side(&mut values[..peak].iter().rev().copied())
 }
 
-/// Mean of the squares.
+/// Mean of the squares of `values`.
 pub fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0u32, 0.0), |(n, s), v| (n + 1, s + v * v));
     sum / f64::from(count)

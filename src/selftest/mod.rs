@@ -1,8 +1,8 @@
 //! Self-test: comparison of a device's frames with acoustic theory.
 //!
-//! Specimens with closed-form answers share one scene, so the passes are compiled once. Each family of checks builds
-//! its own specimens. It measures them on complete frames: lines, grey levels and maps. Intermediate data of the passes
-//! are not read, except for the comparison with the f64 twins.
+//! Specimens with closed-form answers share one scene, so shaders are compiled only once. Each family of checks builds
+//! its own specimens and measures them on complete frames: lines, grey levels and maps. Intermediate data of the passes
+//! are read only for the comparison with the f64 twins.
 
 pub mod bench;
 pub mod measure;
@@ -54,19 +54,19 @@ pub enum SelfTestError {
 /// A measured quantity with its theoretical value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Check {
-    /// Family of the check: `Fresnel`, `Snell`, …
+    /// Group of the check: `Fresnel`, `Snell`, …
     pub group: &'static str,
     /// Measured quantity.
     pub name: String,
-    /// Unit of the three numbers; empty for ratios.
+    /// Unit of the next three numbers; empty for ratios.
     pub unit: &'static str,
     /// Theoretical value.
     pub expected: f64,
     /// Measured value; NaN if the frames don't show it at all.
     pub measured: f64,
-    /// Largest accepted difference between the two.
+    /// Largest accepted difference of `measured` from `expected`.
     pub tolerance: f64,
-    /// True if the difference is within the tolerance.
+    /// Whether the difference is within the tolerance.
     pub passed: bool,
 }
 
@@ -79,7 +79,7 @@ impl Check {
         measured: f64,
         tolerance: f64,
     ) -> Self {
-        // A NaN fails.
+        // A NaN fails this comparison.
         let passed = (measured - expected).abs() <= tolerance;
         Self { group, name: name.into(), unit, expected, measured, tolerance, passed }
     }
@@ -90,25 +90,26 @@ impl Check {
     }
 }
 
-/// A self-test of one device.
+/// Result of a self-test on one device.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// Version of insonify.
     pub version: &'static str,
     /// Name of the device, or of the host's processor.
     pub device: String,
-    /// Its driver.
+    /// Driver of the device.
     pub driver: String,
-    /// Way of `trace` on a device: by path, by lanes, or both by the number of paths.
+    /// Implementation of the pass `trace` on a device: by path, by lanes, or either by the number of paths. `None` on
+    /// the host.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
-    /// True if frames are rendered on a CPU, by the host or a software device.
+    /// Whether frames are rendered on a CPU, by the host or by a software device.
     pub software: bool,
-    /// Start of the test: ISO 8601, UTC.
+    /// Start of the test, ISO 8601 in UTC.
     pub date: String,
-    /// Duration, s.
+    /// Duration of the test, s.
     pub duration_s: f64,
-    /// True if every check passed.
+    /// Whether every check passed.
     pub passed: bool,
     /// Checks, in a fixed order.
     pub checks: Vec<Check>,
@@ -123,26 +124,26 @@ impl Report {
 
 /// Checks that share specimens.
 trait Family {
-    /// Groups of its checks.
+    /// Names of the groups to which the checks belong.
     fn groups(&self) -> &'static [&'static str];
 
     /// Renders the specimens and measures them.
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
 }
 
-/// Specimens whose frames one effect brings near theory.
+/// Checks whose specimens agree with theory only if one effect is simulated.
 trait Truth {
-    /// The effect.
+    /// The simulated effect.
     fn effect(&self) -> Effect;
 
     /// Measured quantity.
     fn quantity(&self) -> &'static str;
 
-    /// Measures frames with the effect as chosen, and compares them with theory.
+    /// Compares frames with theory, with the effect on or off.
     fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError>;
 }
 
-/// Runs every check on `backend`. `progress` gets the number of finished families of checks, and the total.
+/// Runs every check on `backend`. `progress` gets the number of finished families of checks and the total.
 ///
 /// # Errors
 /// A device that fails. A wrong result is not an error, but clears [`Report::passed`].
@@ -153,7 +154,8 @@ pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report,
     checked(backend, &new, None, progress)
 }
 
-/// As [`run`], with passes modified by a test. Measures only until a check of `group` has failed, if one is given.
+/// As [`run`], with passes modified by a test. With a `group`, runs only that group's families, until one of its checks
+/// has failed.
 ///
 /// # Errors
 /// As [`run`].
@@ -170,7 +172,8 @@ pub fn run_with_hooks(
     checked(backend, &new, group, progress)
 }
 
-/// Runs every check on frames of the renderer created by `new`; of one group, if it is given, until a check has failed.
+/// Runs the checks on frames of the renderer created by `new`. With `only`, runs only that group's families, until one
+/// of its checks has failed.
 fn checked(
     backend: &Backend,
     new: &NewRenderer<'_>,
@@ -205,7 +208,7 @@ fn checked(
         checks.extend(measured);
     }
     checks.extend(rig.checks());
-    // Groups are ordered by their first check.
+    // Sorts the checks by group, in order of each group's first check.
     let groups: Vec<&str> = checks.iter().map(|check| check.group).collect();
     checks.sort_by_key(|check| groups.iter().position(|group| *group == check.group));
     progress(families.len(), families.len());

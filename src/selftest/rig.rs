@@ -7,10 +7,10 @@ use crate::pose::Pose;
 use crate::render::{Frame, RenderError, RenderSettings, Renderer, Snapshot};
 use crate::transducer::{Probe, Sector};
 
-/// Creates a renderer of a scene.
+/// Function that creates a renderer of a scene.
 pub(super) type NewRenderer<'a> = dyn Fn(&Scene, Bvh, &Probe, &RenderSettings) -> Result<Renderer, RenderError> + 'a;
 
-/// Renderer of all specimens.
+/// Renderer of all specimens, with counts of faults in its frames.
 pub(super) struct Rig {
     renderer: Renderer,
     frame: Frame,
@@ -26,7 +26,7 @@ impl Rig {
         Ok(Self { renderer, frame: Frame::default(), frames: 0, not_finite: 0, lost: 0 })
     }
 
-    /// Renders a frame.
+    /// Renders a frame and counts its faults.
     pub(super) fn frame(
         &mut self,
         probe: &Probe,
@@ -42,7 +42,7 @@ impl Rig {
         Ok(&self.frame)
     }
 
-    /// Moves the scene to `time_s`: other noise of the receiver.
+    /// Sets the scene time; each time has other receiver noise.
     pub(super) fn set_time_s(&mut self, time_s: f64) {
         self.renderer.set_time_s(time_s);
     }
@@ -58,12 +58,12 @@ impl Rig {
         self.renderer.snapshot(pose)
     }
 
-    /// Geometry of the sector in the image of the last frame.
+    /// Geometry of the sector in the image.
     pub(super) fn sector(&self) -> Sector {
         *self.renderer.sector()
     }
 
-    /// Soundness checks over all frames so far.
+    /// Checks that no frame so far had invalid values or lost paths.
     pub(super) fn checks(&self) -> [Check; 2] {
         [("values that are not finite", self.not_finite), ("paths or crossings lost", self.lost)].map(
             |(what, count)| Check::zero("Soundness", format!("{what}, in {} frames", self.frames), count as f64, 0.0),

@@ -1,4 +1,4 @@
-//! Speckle behind an opaque rod, compared with diffraction sums.
+//! Speckle in the shadow of an opaque rod, compared with diffraction sums.
 
 use glam::{DVec2, Vec3};
 
@@ -12,27 +12,27 @@ use crate::transducer::Probe;
 
 /// Depth and width of the rod, mm.
 const ROD_MM: [f64; 2] = [60.0, 3.0];
-/// Distances behind the rod, mm.
+/// Distances below the rod at which speckle is compared, mm.
 const BEHIND_MM: [f64; 4] = [10.0, 20.0, 40.0, 60.0];
-/// Transmit foci, mm.
+/// Transmit focal depths, mm.
 const FOCI_MM: [f64; 3] = [60.0, 90.0, 120.0];
-/// Slides across the slice over which power is averaged, mm.
+/// Elevational offsets of the frames whose power is averaged, mm.
 const SLIDES_MM: [f64; 7] = [-15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0];
-/// Half of the range over which power is averaged, mm.
+/// Power is averaged over depths within this distance of the compared one, mm.
 const HALF_MM: f64 = 2.0;
-/// Distance of the scanlines beside the shadow from its middle, mm.
+/// Range of lateral distances from the shadow's middle at which scanlines count as unshadowed, mm.
 const BESIDE_MM: [f64; 2] = [15.0, 24.0];
 const LINES: u32 = 255;
 const SPACING_MM: f64 = 0.24;
 
-/// Level of the speckle behind the rod over that without it, dB, by diffraction sums.
+/// Speckle level below the rod relative to the level without a rod, dB, by diffraction sums.
 fn level_db(focus_mm: f64, behind_mm: f64) -> f64 {
     let [depth_mm, width_mm] = ROD_MM;
     let key = format!("{depth_mm},{},0,5,20,{focus_mm},{behind_mm}", 0.5 * width_mm);
     fixture(include_str!("../../tests/truth/shadow.csv"), &key, "level_db")
 }
 
-/// A rod in a block of speckle.
+/// Position of a rod in a block of speckle.
 pub(super) struct Shadow {
     place: DVec2,
 }
@@ -49,7 +49,7 @@ impl Shadow {
         Self { place }
     }
 
-    /// Levels behind the rod, dB.
+    /// Speckle levels at [`BEHIND_MM`] below the rod, relative to unshadowed scanlines, dB.
     fn levels_db(&self, rig: &mut Rig, focus_mm: f64, choice: Choice) -> Result<Vec<f64>, RenderError> {
         let probe = Probe { frequency_mhz: 5.0, aperture_mm: 20.0, focus_mm, ..linear(LINES, SPACING_MM, 1536, 125.0) };
         let mut settings = small(1, 1);
@@ -88,12 +88,12 @@ impl Truth for Shadow {
             let measured = self.levels_db(rig, focus_mm, choice)?;
             for (behind_mm, measured) in BEHIND_MM.into_iter().zip(measured) {
                 let expected = level_db(focus_mm, behind_mm);
-                // The wider bound is for levels near the limit of a display's range; no deeper one is compared.
+                // Levels near the limit of a display's range have a wider tolerance. Deeper levels are not compared.
                 let tolerance = match expected {
                     -25.0.. => 4.0,
                     -35.0.. => 7.0,
                     ..-35.0 => continue,
-                    // Without a value: the check fails.
+                    // NaN: the table has no value, so the check has to fail.
                     _ => 0.0,
                 };
                 let name = format!("{behind_mm:.0} mm behind a rod of {:.0} mm, focus {focus_mm:.0} mm", ROD_MM[1]);

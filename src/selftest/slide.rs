@@ -1,4 +1,4 @@
-//! Correlation of speckle after slides across the slice, compared with that of the lens by diffraction.
+//! Correlation of speckle before and after elevational slides of the probe, compared with diffraction of the lens.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -10,34 +10,34 @@ use crate::pose::Pose;
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
 
-/// Slides, mm.
+/// Elevational slides of the probe, mm.
 const SLIDES_MM: [f64; 3] = [0.1, 0.5, 1.0];
-/// Depths, mm.
+/// Depths at which speckle is correlated, mm.
 const DEPTHS_MM: [f64; 3] = [30.0, 70.0, 120.0];
-/// Frequency (MHz), and height and focus of the lens, mm.
+/// Frequency (MHz), and height and focal depth of the elevational lens, mm.
 const FREQUENCY_MHZ: f64 = 5.0;
 const LENS_MM: [f64; 2] = [12.0, 70.0];
-/// Half of the depth over which samples are correlated, mm.
+/// Half of the depth range over which samples are correlated, mm.
 const HALF_MM: f64 = 9.0;
-/// Turns of the slice about the beam axis over which correlations are averaged, degrees.
+/// Turns of the scan plane about the probe's axis, over which correlations are averaged, degrees.
 const TURNS_DEG: [f64; 5] = [3.0, 38.0, 75.0, 111.0, 149.0];
 /// Largest accepted error of a mean correlation.
 const TOLERANCE: f64 = 0.07;
 const LINES: u32 = 144;
 
-/// Correlation after a slide, by diffraction sums.
+/// Expected correlation after a slide, by diffraction sums.
 fn expected(depth_mm: f64, slide_mm: f64) -> f64 {
     let [height_mm, focus_mm] = LENS_MM;
     let key = format!("{FREQUENCY_MHZ},{height_mm},{focus_mm},{depth_mm},{slide_mm}");
     fixture(include_str!("../../tests/truth/elevation.csv"), &key, "correlation")
 }
 
-/// A block of speckle.
+/// Position of a block of speckle.
 pub(super) struct Slide {
     place: DVec2,
 }
 
-/// Samples of each depth.
+/// Complex samples around each depth.
 type Patches = [Vec<DVec2>; DEPTHS_MM.len()];
 
 impl Slide {
@@ -60,7 +60,7 @@ impl Slide {
         let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
         Ok(DEPTHS_MM.map(|depth_mm| {
             let range = sample(depth_mm - HALF_MM)..sample(depth_mm + HALF_MM);
-            // Without the scanlines whose beam is cut by the end of the array.
+            // Omits scanlines whose beam is cut off by the end of the array.
             let lines =
                 (8..LINES - 8).flat_map(|number| line(&probe, frame, number).get(range.clone()).unwrap_or_default());
             lines.map(|&[re, im]| DVec2::new(re.into(), im.into())).collect()
@@ -68,10 +68,10 @@ impl Slide {
     }
 }
 
-/// Magnitude of the complex correlation.
+/// Magnitude of the normalised complex correlation, 0 to 1.
 fn correlation(a: &[DVec2], b: &[DVec2]) -> f64 {
     let power = |of: &[DVec2]| of.iter().map(|v| v.length_squared()).sum::<f64>();
-    // Rotation by the conjugate is the complex product.
+    // `rotate` multiplies as complex numbers; the conjugate makes it a correlation.
     let sum: DVec2 = a.iter().zip(b).map(|(a, b)| DVec2::new(b.x, -b.y).rotate(*a)).sum();
     sum.length() / (power(a) * power(b)).sqrt()
 }

@@ -1,4 +1,4 @@
-//! Speckle of homogeneous blocks: its statistics, level and decay, and its phase shift with tissue displacement.
+//! Speckle of homogeneous blocks: its statistics, level, decay with depth, and phase shift with tissue displacement.
 
 use glam::DVec2;
 
@@ -18,23 +18,24 @@ const DEVIATION: f64 = 0.01;
 const ALPHA: f64 = 0.5;
 /// Displacement of the tissue toward the probe, mm.
 const NEARER_MM: f64 = 0.01;
-/// Mean over standard deviation of a Rayleigh distribution: √(π/(4 − π)).
+/// Ratio of mean to standard deviation of a Rayleigh distribution: √(π/(4 − π)).
 const RAYLEIGH_SNR: f64 = 1.913_058_4;
-/// Depth bands for the fit of the decay.
+/// Number of depth bands for the fit of the decay.
 const BANDS: usize = 64;
-/// Lags searched for a period, mm: from beyond the smear of pulse and beam, to where enough samples remain.
+/// Ranges of lags in depth and across in which repetition is searched, mm. They begin beyond the smear by pulse and
+/// beam, and end while enough samples remain.
 const LAGS_MM: (f64, f64) = (3.0, 80.0);
 const LAGS_ACROSS_MM: (f64, f64) = (4.0, 25.0);
-/// Step between compared scanlines: about a beam width.
+/// Step between compared scanlines; about a beam width.
 const LINE_STEP: u32 = 4;
-/// Samples between lags: less than the pulse's length.
+/// Samples from one lag to the next; less than the pulse's length.
 const LAG_STEP: usize = 2;
 
-/// Slides across the slice, mm, and the depths at which their speckle is compared, mm.
+/// Elevational slides of the probe, mm, and the depth range in which speckle is compared, mm.
 const SLIDES_MM: [f64; 3] = [0.1, 0.4, 1.0];
 const SLIDE_DEPTHS_MM: [f64; 2] = [55.0, 85.0];
 
-/// A lossless block and a lossy one.
+/// Positions of a lossless block and a lossy one.
 pub(super) struct Speckle {
     plain: DVec2,
     lossy: DVec2,
@@ -44,7 +45,7 @@ impl Speckle {
     pub(super) fn new(bench: &mut Bench) -> Self {
         let mut block = |tissue: Tissue| {
             let (tissue, place) = (bench.tissue(tissue), bench.place());
-            // The probe is inside the block, so its surface is not seen.
+            // The probe is inside the block, so the block's surface is not seen.
             bench.add(tissue, 1, slab(place, 40.0, -20.0, 130.0));
             place
         };
@@ -55,7 +56,7 @@ impl Speckle {
     }
 }
 
-/// Envelopes of the scanlines whose beam is not cut by the sector's edge, one vector per depth band.
+/// Envelopes in each depth band. Omits scanlines whose beam is cut off by the sector's edge.
 fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
     let length = probe.samples as usize / bands;
     let lines = || (8..probe.scanlines - 8).map(|l| line(probe, frame, l));
@@ -67,14 +68,15 @@ fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Magnitude of the correlation of pairs of lines of samples, 0..=1.
+/// Magnitude of the correlation over pairs of scanlines, 0 to 1.
 fn correlation<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> f64 {
     let [re, im, first, second] = sums(pairs);
-    // 0/0 stays NaN: a frame without speckle fails.
+    // 0/0 stays NaN, so that a frame without speckle fails.
     re.hypot(im) / (first * second).sqrt()
 }
 
-/// Sums over pairs of lines: real and imaginary part of the second sample times the first's conjugate, and both powers.
+/// Sums over pairs of scanlines: real and imaginary part of the second's samples times the first's conjugates, then
+/// power of the first and of the second.
 fn sums<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> [f64; 4] {
     let [mut re, mut im, mut first, mut second] = [0.0; 4];
     for (a, b) in pairs.flat_map(|(a, b)| a.iter().zip(b)) {
@@ -92,7 +94,7 @@ fn most(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// Largest correlation of a frame's lines with themselves at a greater depth.
+/// Largest correlation of a frame's scanlines with themselves at another depth.
 fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
     let lag = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
     let lines = || (0..probe.scanlines).step_by(LINE_STEP as usize).map(|l| line(probe, frame, l));
@@ -102,7 +104,7 @@ fn likeness_along(probe: &Probe, frame: &Frame) -> f64 {
         .fold(0.0, most)
 }
 
-/// Largest correlation of a frame's lines with lines at a lateral distance.
+/// Largest correlation of a frame's scanlines with others at a lateral distance.
 fn likeness_across(probe: &Probe, frame: &Frame) -> f64 {
     let lag = |mm: f64| (mm / probe.line_spacing_mm(0.0)) as u32;
     (lag(LAGS_ACROSS_MM.0)..lag(LAGS_ACROSS_MM.1))
@@ -129,10 +131,10 @@ impl Family for Speckle {
 
         let nearer = rig.frame(&probe, &settings, &at(self.plain.x, self.plain.y, NEARER_MM))?;
         let [re, im, ..] = sums([(&first.lines[..], &nearer.lines[..])].into_iter());
-        // The phase is −turns·z: it increases as the tissue comes nearer.
+        // The phase is −turns·z, so it increases as the tissue comes nearer.
         let moved_um = 1e3 * im.atan2(re) / (std::f64::consts::TAU * probe.phase_turns_per_mm());
 
-        // The lattice of single cells, which takes the place of sheets if the effect is off.
+        // Without the effect, the lattice of single cells replaces the sheets of scatterers.
         let mut lattice = settings;
         lattice.effects = lattice.effects.with(Effect::ElevationalSpeckle, Choice::Off);
         let single = rig.frame(&probe, &lattice, &at(self.plain.x, self.plain.y, 0.0))?.clone();
@@ -164,8 +166,8 @@ impl Family for Speckle {
             Check::new("Attenuation", "of speckle, two-way slope", "dB/cm", want, slope(&points).0, 0.02 * want.abs()),
             Check::new("Speckle", "mean over deviation of the envelope", "", RAYLEIGH_SNR, snr, 0.05),
             Check::new("Speckle", "level", "dB", db_from_amplitude(DEVIATION), level, 0.5),
-            // Thousands of independent speckles correlate by a few hundredths, a periodic lattice by almost 1. The
-            // lattice is exact integer arithmetic: devices differ only by rounding.
+            // Thousands of independent speckles have a correlation of a few hundredths; a periodic lattice has almost
+            // 1. The lattice is exact integer arithmetic, so devices differ only by rounding.
             Check::zero("Speckle", "likeness to itself 3 to 80 mm deeper", likeness_along(&probe, &first), 0.2),
             Check::zero("Speckle", "likeness to itself 4 to 25 mm beside", likeness_across(&probe, &first), 0.2),
             Check::zero("Speckle", "the same deeper, of single cells", likeness_along(&probe, &single), 0.2),

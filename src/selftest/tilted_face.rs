@@ -1,4 +1,4 @@
-//! A point behind a tilted boundary of two speeds: where frames show it, and where a full-wave simulation does.
+//! Image position of a point beyond a tilted boundary between two sound speeds, compared with a full-wave simulation.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -10,14 +10,15 @@ use crate::anatomy::Tissue;
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
 
-/// A boundary, and a point behind it.
+/// A tilted boundary, and a point beyond it.
 struct Case {
-    /// Speeds before the boundary and behind it, m/s.
+    /// Sound speeds before and beyond the boundary, m/s.
     speeds_m_s: [f64; 2],
-    /// Depth of the boundary on the axis (mm), and its tilt: it is deeper towards positive lateral places.
+    /// Depth of the boundary on the probe's axis (mm), and its tilt (degrees). It is deeper at positive lateral
+    /// positions.
     depth_mm: f64,
     tilt_deg: f64,
-    /// Lateral place and depth of the point, mm.
+    /// Lateral position and depth of the point, mm.
     point_mm: [f64; 2],
 }
 
@@ -27,11 +28,11 @@ const CASES: [Case; 4] = [
     case([1600.0, 1450.0], 25.0, 20.0, [0.0, 60.0]),
     case([1450.0, 1600.0], 15.0, 20.0, [3.04, 69.92]),
 ];
-/// Largest accepted error of a place, mm. The simulation's grid has cells of 0.16 mm.
+/// Largest accepted error of an image position, mm. The simulation's grid has cells of 0.16 mm.
 const TOLERANCE_MM: f64 = 0.1;
 /// Side of the body that stands for the point, mm.
 const POINT_MM: f64 = 0.4;
-/// The face is wider than the aperture and the displacement.
+/// The array is wider than the aperture and the displacement need.
 const LINES: u32 = 257;
 const SPACING_MM: f64 = 0.15;
 
@@ -40,7 +41,7 @@ const fn case(speeds_m_s: [f64; 2], depth_mm: f64, tilt_deg: f64, point_mm: [f64
 }
 
 impl Case {
-    /// Lateral place and depth at which a scanner shows the point, mm, by k-Wave.
+    /// Lateral position and depth at which a scanner shows the point, mm, from the k-Wave simulation.
     fn shown_mm(&self) -> [f64; 2] {
         let ([near, far], [across, depth]) = (self.speeds_m_s, self.point_mm);
         let key = format!("2.5,20,{near},{far},{},{},{across},{depth}", self.depth_mm, self.tilt_deg);
@@ -49,16 +50,16 @@ impl Case {
     }
 }
 
-/// Axis of a displacement.
+/// Direction of an image displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Axis {
-    /// Across the scanlines, by bent beams.
+    /// Across the scanlines, because beams bend.
     Lateral,
-    /// Along them, by the time of flight.
+    /// Along the scanlines, by the time of flight.
     Depth,
 }
 
-/// Points behind tilted boundaries.
+/// Positions of the points beyond tilted boundaries, and the compared direction.
 pub(super) struct TiltedFace {
     places: [DVec2; CASES.len()],
     axis: Axis,
@@ -69,7 +70,7 @@ impl TiltedFace {
         let places = CASES.each_ref().map(|case| {
             let place = bench.place();
             let [near, far] = case.speeds_m_s.map(|speed| bench.tissue(silent(speed, 1.5)));
-            // Rough, to be visible at any angle.
+            // Rough, so that it is visible at any angle.
             let point = bench.tissue(Tissue { roughness: 0.5, ..silent(case.speeds_m_s[1], 3.0) });
             bench.add(near, 0, slab(place, 40.0, -1.0, 50.0));
             let turn = DQuat::from_rotation_y(-case.tilt_deg.to_radians());
@@ -82,12 +83,13 @@ impl TiltedFace {
         Self { places, axis }
     }
 
-    /// Where the point is shown: the middle of its echo across the scanlines, and the range of its front there, mm.
+    /// Image position of the point, mm: lateral centre of its echo, weighted by power, and mean range of the echo's
+    /// front.
     fn shown_mm(&self, rig: &mut Rig, case: &Case, place: DVec2, choice: Choice) -> Result<[f64; 2], RenderError> {
         let probe = Probe { frequency_mhz: 2.5, aperture_mm: 20.0, ..linear(LINES, SPACING_MM, 4096, 85.0) };
         let mut settings = small(1, 1);
         settings.effects = settings.effects.with(Effect::Aperture, Choice::On).with(self.effect(), choice);
-        // The middle scanline passes through the place where the simulation shows the point.
+        // The middle scanline passes through the image position of the simulation.
         let [middle_mm, _] = case.shown_mm();
         let frame = rig.frame(&probe, &settings, &at(place.x + middle_mm, place.y, 0.0))?;
         let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
@@ -96,7 +98,7 @@ impl TiltedFace {
         for number in 0..LINES {
             let echo = line(&probe, frame, number).get(from..sample(case.point_mm[1] + 4.0)).unwrap_or_default();
             let heights: Vec<f64> = echo.iter().map(|&s| magnitude(s)).collect();
-            // The first peak: behind the body's front is its back.
+            // The first high peak is the front of the body; its back gives a later one.
             let greatest = heights.iter().copied().fold(0.0, f64::max);
             let is_front = |pair: &[f64]| pair[0] >= 0.5 * greatest && pair[0] >= pair[1];
             let Some(at) = heights.windows(2).position(is_front) else { continue };

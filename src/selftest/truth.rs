@@ -1,4 +1,4 @@
-//! Errors of frames against wave theory, with an effect and without it.
+//! Errors of frames against wave theory, with and without an effect.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,27 +14,27 @@ use crate::anatomy::{Bvh, Scene};
 use crate::render::{Backend, Choice, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
-/// Root mean square errors against theory.
+/// Root mean square errors against theory, with and without an effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TruthError {
-    /// Name of the effect or of the look's step.
+    /// Name of the effect, or of the look's step.
     pub effect: String,
     /// Compared quantity.
     pub quantity: String,
     /// Unit of the errors; empty for ratios.
     pub unit: String,
-    /// Number of values in the errors: those with the smallest tolerance.
+    /// Number of values in the errors: only values with the smallest tolerance.
     pub values: usize,
-    /// The smallest tolerance of a single value, in `unit`.
+    /// Smallest tolerance of a single value, in `unit`.
     pub tolerance: f64,
     /// Error without the effect.
     pub without: f64,
-    /// Error with it.
+    /// Error with the effect.
     pub with: f64,
 }
 
-/// Measures the RMS error against wave theory with and without each effect that theory covers, at one ray and one layer.
-/// `progress` gets the number of finished comparisons, and the total.
+/// Measures the RMS error against wave theory with and without each effect that theory covers, at one ray and one
+/// layer. `progress` gets the number of finished comparisons and the total.
 ///
 /// # Errors
 /// A device that fails.
@@ -62,7 +62,7 @@ pub(crate) fn truth_errors(
         let without = family.compare(&mut rig, Choice::Off)?;
         progress(2 * done + 1, total);
         let with = family.compare(&mut rig, Choice::On)?;
-        // Only values with the smallest tolerance enter the mean; deep levels have a wider one.
+        // Only values with the smallest tolerance count; very low levels have a wider one.
         let tolerance = with.iter().map(|check| check.tolerance).fold(f64::INFINITY, f64::min);
         let counted: Vec<bool> = with.iter().map(|check| check.tolerance == tolerance).collect();
         errors.push(TruthError {
@@ -79,7 +79,7 @@ pub(crate) fn truth_errors(
     Ok(errors)
 }
 
-/// Root mean square difference of the counted values from theory.
+/// Root mean square difference from theory of the checks marked in `counted`.
 fn rms(checks: &[Check], counted: &[bool]) -> f64 {
     let squares: Vec<f64> = checks
         .iter()

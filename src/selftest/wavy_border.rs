@@ -1,4 +1,4 @@
-//! Wires behind a wavy border of fat and muscle: where frames show them and how wide, and where wave theory does.
+//! Images of wires beyond a wavy border between fat and muscle: lateral shift and width, compared with wave theory.
 
 use std::f64::consts::TAU;
 
@@ -12,39 +12,39 @@ use crate::anatomy::Tissue;
 use crate::render::{Choice, Effect, RenderError};
 use crate::transducer::Probe;
 
-/// Lateral places of the wires, mm.
+/// Lateral positions of the wires, mm.
 const WIRES_MM: [f64; 3] = [-15.0, 0.0, 15.0];
 /// Depth of the wires, mm.
 const DEPTH_MM: f64 = 95.0;
-/// Speeds before the border and behind it, m/s.
+/// Sound speeds before and beyond the border, m/s.
 const SPEEDS_M_S: [f64; 2] = [1450.0, 1580.0];
-/// Mean depth, height and period of the wave, mm.
+/// Mean depth, amplitude and period of the wavy border, mm.
 const BORDER_MM: f64 = 20.0;
 const HEIGHT_MM: f64 = 1.5;
 const PERIOD_MM: f64 = 20.0;
-/// Half of the border's length, and the distance of its points, mm.
+/// Half of the border's length, and distance between its vertices, mm.
 const HALF_MM: f64 = 45.0;
 const STEP_MM: f64 = 0.25;
-/// Side of the body that stands for a wire, mm: one scanline meets it.
+/// Side of the body that stands for a wire, mm. Only one scanline hits it.
 const WIRE_MM: f64 = 0.3;
-/// Scanlines that show a wire lie within this distance of it, mm.
+/// Largest lateral distance from a wire of the scanlines that show it, mm.
 const REACH_MM: f64 = 7.5;
-/// Half of the range in which a wire is shown, mm.
+/// Half of the depth range in which a wire is shown, mm.
 const AROUND_MM: f64 = 4.0;
-/// Largest accepted error of a shift, mm, and of a width, as a part of it.
+/// Largest accepted errors: of a shift, mm, and of a width, as a fraction of it.
 const SHIFT_MM: f64 = 0.2;
 const WIDTH_PART: f64 = 0.2;
 const LINES: u32 = 281;
 const SPACING_MM: f64 = 0.25;
 
-/// Shift and RMS width of a wire's image, mm, by diffraction sums.
+/// Expected shift and RMS width of a wire's image, mm, by diffraction sums.
 fn expected_mm(wire_mm: f64) -> [f64; 2] {
     let table = include_str!("../../tests/truth/wires.csv");
     let value = |column: &str| fixture(table, &format!("{wire_mm},{DEPTH_MM}"), column);
     ["shift_mm", "spread_mm"].map(value)
 }
 
-/// Wires behind a wavy border.
+/// Position of the wires beyond the wavy border.
 pub(super) struct WavyBorder {
     place: DVec2,
 }
@@ -53,7 +53,7 @@ impl WavyBorder {
     pub(super) fn new(bench: &mut Bench) -> Self {
         let place = bench.place();
         let [fat, muscle] = SPEEDS_M_S.map(|speed| bench.tissue(silent(speed, 1.5)));
-        // Rough, to be visible at any angle.
+        // Rough, so that it is visible at any angle.
         let wire = bench.tissue(Tissue { roughness: 0.5, ..silent(SPEEDS_M_S[1], 3.0) });
         bench.add(fat, 0, slab(place, HALF_MM, -1.0, 2.0 * BORDER_MM));
         let points = (2.0 * HALF_MM / STEP_MM) as u32;
@@ -67,7 +67,7 @@ impl WavyBorder {
         Self { place }
     }
 
-    /// Shift and width of each wire's image, mm.
+    /// Lateral shift and RMS width of each wire's image, mm.
     fn images_mm(&self, rig: &mut Rig, choice: Choice) -> Result<[[f64; 2]; WIRES_MM.len()], RenderError> {
         let probe = Probe {
             frequency_mhz: 8.0,
@@ -78,7 +78,7 @@ impl WavyBorder {
         let mut settings = small(1, 1);
         settings.effects = settings.effects.with(Effect::Aperture, Choice::On).with(self.effect(), choice);
         let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y, 0.0))?;
-        // Distance of a scanline from a wire, and the power with which it shows it.
+        // Lateral offset of each scanline near a wire, mm, and the power with which it shows the wire.
         let shown = |wire_mm: f64| {
             let x_mm = |number: u32| (f64::from(number) - f64::from(LINES / 2)) * SPACING_MM - wire_mm;
             let power = |number: u32| power_about(&probe, frame, number, DEPTH_MM, AROUND_MM);
