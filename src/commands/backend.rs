@@ -1,4 +1,4 @@
-//! `--backend`.
+//! Option `--backend`.
 
 use insonify::render::{Backend, BackendChoice};
 
@@ -14,7 +14,7 @@ pub(crate) struct BackendArgs {
 }
 
 impl BackendArgs {
-    /// Opens the backend that the flag names, or else `INSONIFY_BACKEND`, or else `of_station`.
+    /// Opens the backend named by the option, else by the variable `INSONIFY_BACKEND`, else `of_station`.
     pub(crate) fn open(&self, of_station: BackendChoice) -> Result<Backend, Failure> {
         let choice = match self.backend {
             Some(choice) => choice,

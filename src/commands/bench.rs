@@ -21,13 +21,13 @@ use super::backend::BackendArgs;
 use super::progress::Progress;
 use super::{Failure, input, output, session};
 
-/// Kinds whose passes are shown: one frame after another, in the station's shape.
+/// Number of workloads whose passes are shown: one frame after another, with the station's scanlines and image.
 const PASSES_OF: usize = 4;
 
-/// Kinds for which both ways of `trace` are measured.
+/// Workloads for which both implementations of the pass `trace` are measured.
 const TRACED: [&str; 2] = ["LQ", "HQ"];
 
-/// Poses of a recording that are measured.
+/// Number of poses of a recording that are measured.
 const POSES: usize = 12;
 
 /// Measure a station's frames on this machine: low and high quality, with and without maps, with motion, in the shape that
@@ -67,16 +67,16 @@ pub(crate) struct Args {
 struct Report<'a> {
     version: &'static str,
     adapter: AdapterRecord,
-    /// Hardware threads.
+    /// Number of the processor's hardware threads.
     threads: usize,
     triangles: usize,
     frames: u32,
     kinds: &'a [Measured],
-    /// Both ways of `trace`, where the device has them.
+    /// Times of both implementations of the pass `trace`; empty if the device has only one.
     trace: &'a [TraceTime],
 }
 
-/// A line for each kind: what it is, its times and its rate.
+/// Table with a line for each workload: its shape, times and rate.
 fn overview(kinds: &[Measured]) -> String {
     let mut text = format!(
         "{:<22} {:>6} {:>10} {:>11} {:>5} {:>8} {:>8} {:>9}\n",
@@ -98,7 +98,7 @@ fn overview(kinds: &[Measured]) -> String {
     text + "\n"
 }
 
-/// Median of each pass, ms: a column for each kind.
+/// Table of the median time of each pass, ms, with a column for each workload.
 fn passes(kinds: &[Measured]) -> String {
     let mut stages: Vec<&str> = Vec::new();
     for stage in kinds.iter().flat_map(|kind| &kind.stages) {
@@ -118,7 +118,7 @@ fn passes(kinds: &[Measured]) -> String {
     text + "\n"
 }
 
-/// Both ways of `trace`: a line for each kind and way.
+/// Table of both implementations of the pass `trace`, with a line for each workload and implementation.
 fn traces(times: &[TraceTime]) -> String {
     if times.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! `insonify dataset`: paired frames to train generators on.
+//! `insonify dataset`: renders paired frames to train generators with.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -120,7 +120,7 @@ Examples:
   insonify dataset configs/obstetric.toml --lq 1x3 --hq 32x3 --angles 9 --hq-from out/data --out out/data_1x3
   insonify dataset --verify out/data --tuples 10";
 
-/// Largest number of faulty files that are printed.
+/// Largest number of faulty files that are listed.
 const FAULTS_SHOWN: usize = 8;
 
 #[derive(Serialize)]
@@ -146,7 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
-    // The data set from which high-quality frames are copied must be another one.
+    // High-quality frames can't be copied from the data set that is written.
     let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
     Outputs::apart_from(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let choice = stations.first().map(|station| station.backend).unwrap_or_default();
@@ -200,7 +200,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     output::line(made.manifest.display())
 }
 
-/// The error, with the names of the options that it is about.
+/// Converts the error, with the name of the option that caused it.
 fn of_options(error: DatasetError) -> Failure {
     match &error {
         DatasetError::OtherTarget { key, .. } => {
@@ -217,7 +217,7 @@ fn of_options(error: DatasetError) -> Failure {
     }
 }
 
-/// Renders tuples of the data set in `directory` again, and compares them.
+/// Renders tuples of the data set in `directory` again, and compares them with the stored ones.
 fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
     let data = Dataset::open(directory)?;
     let steps = Steps::new(Progress::new("verify", data.rows.len()));
@@ -252,7 +252,7 @@ fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
     Err(Failure::Other(anyhow!("{}", reasons.join("; "))))
 }
 
-/// Parses `--span`.
+/// Parses the angle of `--span`, degrees.
 fn span(text: &str) -> Result<f64, String> {
     let span_deg = text.parse().map_err(|_| format!("`{text}` is no number of degrees"))?;
     LookSettings { span_deg, ..LookSettings::default() }.validate().map_err(|e| e.to_string())?;

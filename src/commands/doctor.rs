@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match found.count(Severity::Error) {
         0 => Ok(()),
         errors => {
-            // An error in the station's set-up is not in the scene file.
+            // A fault in the station's set-up is not in the scene file, so the error names the station file.
             let path = if found.setup.is_empty() { path } else { &args.scene };
             Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error"))))
         }

@@ -1,4 +1,4 @@
-//! `--effect`.
+//! Option `--effect`.
 
 use std::str::FromStr;
 
@@ -14,7 +14,7 @@ pub(crate) struct EffectArgs {
 }
 
 impl EffectArgs {
-    /// Overrides the choices in `settings` with the given ones.
+    /// Overrides the effect choices in `settings` with the user's.
     pub(crate) fn apply(&self, settings: &mut RenderSettings) {
         for Said { effect, choice } in &self.effects {
             settings.effects = settings.effects.with(*effect, *choice);
@@ -22,7 +22,7 @@ impl EffectArgs {
     }
 }
 
-/// Choice for one effect.
+/// The user's choice for one effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Said {
     effect: Effect,

@@ -188,7 +188,7 @@ fn of_station(args: &Args, path: &Path) -> Result<SteadinessReport, Failure> {
     Ok(steadiness(&station, &models(args), slide, &backend, &|step| steps.set(step))?)
 }
 
-/// Models of the command line.
+/// Models named on the command line.
 fn models(args: &Args) -> Models {
     let generators = args.model.clone();
     Models {
@@ -213,7 +213,7 @@ struct Report<'a> {
     steadiness: Option<&'a SteadinessReport>,
 }
 
-/// Prints the tables and writes the requested files.
+/// Prints the tables of the reports and writes the requested files.
 fn write(args: &Args, data: Option<&DatasetReport>, steady: Option<&SteadinessReport>) -> Result<(), Failure> {
     let mut text = String::new();
     text.extend(data.map(DatasetReport::markdown));
@@ -241,7 +241,7 @@ struct Printed<'a> {
     report: &'a ImagesReport,
 }
 
-/// Compares `images` with `references`.
+/// Compares image files or folders with their references.
 fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failure> {
     let progress = Progress::new("evaluate", 0);
     let show = |done, total| progress.set(done, total);
@@ -261,7 +261,7 @@ fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failur
     output::text(&report)
 }
 
-/// Refuses files that the command reads.
+/// Refuses output files that are inputs of the command.
 fn check_outputs(args: &Args) -> Result<(), Failure> {
     let images = [&args.images, &args.references, &args.mask].into_iter().flatten().flat_map(|path| images_of(path));
     let dataset = args.dataset.iter().flat_map(|directory| {
@@ -281,7 +281,7 @@ fn check_outputs(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A file, or the images of a folder.
+/// The images in a folder, or the file itself.
 fn images_of(path: &Path) -> Vec<PathBuf> {
     let is_image = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "png");
     match std::fs::read_dir(path) {

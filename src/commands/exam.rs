@@ -1,4 +1,4 @@
-//! `insonify exam`: sessions of a simulated hand.
+//! `insonify exam`: records sessions of a simulated hand.
 
 use std::path::PathBuf;
 

@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("left out: {}", input::NOT_IN_SEQUENCES))
 }
 
-/// Refuses a file name that does not end like a MetaImage's.
+/// Refuses a file name without the suffix of a MetaImage.
 fn check_suffix(out: &Path) -> Result<(), Failure> {
     if out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mha")) {
         return Ok(());

@@ -94,7 +94,7 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-/// Class of each error type, one enum per line. `as` names variants that wrap an error type of another line.
+/// Failure class of each error type. `as` lists variants that wrap another error type of this macro.
 macro_rules! classified {
     ($($error:ident $(as $($wrapped:ident)|+)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
@@ -109,7 +109,7 @@ macro_rules! classified {
 }
 
 classified! {
-    // The user can mend these: install a driver, or request less.
+    // The user can remedy these: install a driver, or request less.
     BackendError {
         BackendError::NoAdapter { .. }
         | BackendError::NoDevice { .. }
@@ -130,14 +130,14 @@ classified! {
     RecordError as Recording | Directory { RecordError::Recorder(_) => Other, _ => Input }
     LiveError as Render | Chooser | Record | Tracker | Sink { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
-    // A failed run is a fault of the model or of the machine; the user can mend the other errors.
+    // A failed run is a fault of the model or the machine. The user can remedy the other errors.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
     StationError as Phantom | Recording { _ => Input }
-    // A number without a class is a fault of the renderer.
+    // A tissue number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
-    // The caller gives images, data sets and models.
+    // The user gives the images, data sets and models.
     MeasuringError as Station | Dataset | Generator | Quality | Render | SelfTest | Sink {
         MeasuringError::Table(_) | MeasuringError::Text(_) | MeasuringError::Read { .. } | MeasuringError::Figure(_) => Other,
         _ => Input,

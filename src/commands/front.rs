@@ -1,4 +1,4 @@
-//! `insonify front`: the table of errors that live sessions choose from.
+//! `insonify front`: makes the table of errors from which live sessions choose an operating point.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use super::backend::BackendArgs;
 use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 
-/// Recording by which probes move.
+/// Recording whose motion is used for stations without one.
 const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// Make the table of errors that live sessions choose their operating point from.
 ///
@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
     let read = stations.iter().flat_map(Station::files);
-    // The merged table is read before it is replaced.
+    // The file to merge is read before it is replaced, so both may be the same.
     Outputs::apart_from(read).and([&args.motion]).replaced("--out", &args.out)?;
     let merged = match &args.merge {
         Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input_of(path)?),
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.display())
 }
 
-/// The command, as it is typed.
+/// The command line, with all options that change the result.
 fn command(args: &Args) -> String {
     let stations: Vec<String> = args.stations.iter().map(|path| path.display().to_string()).collect();
     let mut text = format!("insonify front {} --poses {}", stations.join(" "), args.poses);
@@ -124,7 +124,7 @@ fn command(args: &Args) -> String {
     text
 }
 
-/// Errors of one station; none if the time was over before all were measured.
+/// Errors of one station; `None` if the time limit passed before all were measured.
 fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Option<StationErrors>, Failure> {
     let settings = ErrorSettings {
         motion: args.motion.clone(),
@@ -135,7 +135,7 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
         resume: args.resume,
         ends,
     };
-    // Before the scene, which may have to be built.
+    // Checked before the scene, which may have to be built first.
     settings.check(station)?;
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(station)?;

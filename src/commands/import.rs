@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.display())
 }
 
-/// Whether `path` names a tracked sequence, and no table.
+/// Whether `path` names a tracked sequence; otherwise it is a table.
 fn is_sequence(path: &Path) -> bool {
     path.extension().is_some_and(|extension| ["mha", "mhd"].iter().any(|known| extension.eq_ignore_ascii_case(known)))
 }

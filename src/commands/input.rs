@@ -37,7 +37,7 @@ fn cannot_read(path: &Path, what: &str) -> String {
     format!("cannot read {what}{space}{}", path.display())
 }
 
-/// The pose `given`, or else the station's. The error suggests `others`.
+/// The pose `given`, else the station's. If there is none, the error suggests the options in `others`.
 pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Result<Pose, Failure> {
     given.or(station.default_pose).ok_or_else(|| {
         let station = station.path.display();
@@ -45,7 +45,7 @@ pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Resu
     })
 }
 
-/// Whether `path` is a station file; otherwise it is a scene.
+/// Whether `path` is a station file. If not, it is taken for a scene.
 pub(crate) fn is_station(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }
@@ -57,7 +57,7 @@ pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// Parses the path of a page.
+/// Parses the path of an HTML page.
 pub(crate) fn html(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|extension| extension == "html") {
@@ -67,14 +67,14 @@ pub(crate) fn html(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Contents of a recording that a tracked sequence can't hold.
+/// Contents of a recording that a tracked sequence cannot hold.
 pub(crate) const NOT_IN_SEQUENCES: &str =
     "events, names of planes, measurements and texts, which a sequence (.mha) has no place for";
 
 /// Word of `--planes` for all planes of the scene.
 pub(crate) const ALL_PLANES: &str = "all";
 
-/// Parses the name of a plane in a list. Blanks around the name are removed.
+/// Parses the name of a standard plane in a list. Blanks around it are removed.
 pub(crate) fn plane(text: &str) -> Result<String, String> {
     match text.trim() {
         "" => Err("a name is empty; give names of planes with commas between them, or `all`".into()),
@@ -82,7 +82,7 @@ pub(crate) fn plane(text: &str) -> Result<String, String> {
     }
 }
 
-/// Planes of the scene with these names. No name, or `all` alone, means all planes.
+/// The scene's standard planes with these names. No name, or only `all`, means all planes.
 pub(crate) fn chosen<'a>(names: &[String], scene: &'a StandardPlanes) -> Result<Vec<&'a StandardPlane>, Failure> {
     let has_all = names.iter().any(|name| name == ALL_PLANES);
     match names.len() {
@@ -95,7 +95,7 @@ pub(crate) fn chosen<'a>(names: &[String], scene: &'a StandardPlanes) -> Result<
     }
 }
 
-/// Refuses files that can't be a recording and a station by their names, for example because they were swapped.
+/// Refuses a recording and a station whose file names can't be right, for example because they were swapped.
 pub(crate) fn expect_recording(recording: &Path, station: &Path) -> Result<(), Failure> {
     let extension = |path: &Path| path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     let (first, second) = (extension(recording), extension(station));
@@ -111,7 +111,7 @@ pub(crate) fn expect_recording(recording: &Path, station: &Path) -> Result<(), F
     }
 }
 
-/// Parses two whole numbers that are separated by an `x`.
+/// Parses two whole numbers separated by an `x`.
 pub(crate) fn product(text: &str) -> Option<(u32, u32)> {
     let (first, second) = text.split_once('x')?;
     Some((first.parse().ok()?, second.parse().ok()?))

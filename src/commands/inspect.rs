@@ -1,4 +1,4 @@
-//! `insonify inspect`: contents of a recording.
+//! `insonify inspect`: shows the contents of a recording.
 
 use std::path::PathBuf;
 

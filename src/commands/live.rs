@@ -1,4 +1,4 @@
-//! Text of live sessions: messages, status and unused measurements.
+//! Text output of live sessions: messages, status and unused measurements.
 
 use insonify::names::counted;
 use insonify::pipeline::{Limits, LiveStation, Parts, Pipeline, Status, Summary};
@@ -8,17 +8,17 @@ use insonify::station::{SetupFinding, Station};
 use super::status_line::StatusLine;
 use super::{Classify, Failure, terminal};
 
-/// Prints the session's sentences for the user, and removes them.
+/// Prints the session's messages for the user and removes them.
 pub(crate) fn say(live: &mut LiveStation) {
     live.messages.drain(..).for_each(|message| eprintln!("{message}"));
 }
 
-/// Prints a warning about the station's set-up.
+/// Logs a fault in the station's set-up, with its remedy.
 pub(crate) fn warn_of_setup(finding: &SetupFinding) {
     tracing::warn!("{}: {}", finding.what, finding.remedy);
 }
 
-/// Runs a session and prints its status; `each` also receives every status.
+/// Runs a session and prints its status. `each` receives every status as well.
 pub(crate) fn run(
     station: &Station,
     limits: Limits,
@@ -62,7 +62,7 @@ pub(crate) fn say_left_out(counters: &Counters) {
     }
 }
 
-/// Words for a count of unused measurements; `None` for the counts of all and of used measurements.
+/// Text for a count of unused measurements; `None` for the counts of all and of used measurements.
 fn left_out(name: &str, count: u64) -> Option<String> {
     let (what, which) = match name {
         "measurements" | "used" => return None,

@@ -35,7 +35,7 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
 }
 
 /// Refuses a file for a recording whose name does not end in `.mcap`, because it is likely another kind of file.
-/// `option` names it in the error.
+/// `option` names the option in the error.
 pub(crate) fn recording(option: &str, path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("mcap")) {
         return Ok(());
@@ -44,7 +44,7 @@ pub(crate) fn recording(option: &str, path: &Path) -> Result<(), Failure> {
     Err(Failure::Input(anyhow!("{option} is {path}, which is no name of a recording: it must end in .mcap")))
 }
 
-/// A duration as text in s, min or h.
+/// Text for a duration, in s, min or h.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 90.0 => format!("{s:.0} s"),

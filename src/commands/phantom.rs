@@ -1,4 +1,4 @@
-//! `insonify phantom`: the obstetric phantom as a glTF file.
+//! `insonify phantom`: writes the obstetric phantom as a glTF file.
 
 use std::path::PathBuf;
 

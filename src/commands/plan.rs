@@ -1,4 +1,4 @@
-//! `insonify plan`: effects that a scene needs, and their costs.
+//! `insonify plan`: shows the effects that a scene needs, and their costs.
 
 use std::path::PathBuf;
 
@@ -63,7 +63,7 @@ struct Report<'a> {
     station: &'a PathBuf,
     quality: String,
     effects: &'a [Decision],
-    /// `None` with `--no-measure` or without a pose.
+    /// Measured costs of the effects; `None` with `--no-measure` or without a pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     measured: Option<PlanCosts>,
 }

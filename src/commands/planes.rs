@@ -1,4 +1,4 @@
-//! `insonify planes`: the standard planes of a station's scene.
+//! `insonify planes`: lists the standard planes of a station's scene.
 
 use std::path::PathBuf;
 

@@ -7,20 +7,20 @@ use indicatif::ProgressBar;
 
 use super::{output, terminal};
 
-/// Time between two lines if there is no terminal.
+/// Time between two printed lines without a terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// Progress of one task; several threads may report it.
+/// Progress of one task. Several threads may report it.
 pub(crate) struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
     last_line: Mutex<Instant>,
-    /// Time of the first report, and number of steps done by then.
+    /// Time of the first report, and number of steps that were done by then.
     began: OnceLock<(Instant, usize)>,
 }
 
 impl Progress {
-    /// Progress of a task of `total` steps; 0 if their number is unknown.
+    /// Progress of a task with `total` steps, or 0 if their number is unknown.
     pub(crate) fn new(label: &'static str, total: usize) -> Self {
         let bar = ProgressBar::new(total as u64).with_message(label);
         let bar = terminal::show(bar, "{msg:12} {wide_bar:.cyan/blue} {pos}/{len} {elapsed} (left: {eta})");
@@ -32,7 +32,7 @@ impl Progress {
         let &(began, first) = self.began.get_or_init(|| (Instant::now(), done));
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
-            // Threads may report out of order, but the bar must only go forward.
+            // Threads may report out of order, but the bar must only move forward.
             bar.set_position(bar.position().max(done as u64));
             return;
         }

@@ -1,4 +1,4 @@
-//! `insonify qa`: images and measures the QA phantom.
+//! `insonify qa`: renders images of the QA phantom and measures them.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! `--quality`.
+//! Options `--quality` and `--seed`.
 
 use insonify::chooser::StillQuality;
 use insonify::render::{FrameQuality, Quality};
@@ -14,7 +14,7 @@ pub(crate) fn seed_help() -> String {
     format!("{} [default: the station's own]", Quality::setting("seed").map_or_else(String::new, Setting::described))
 }
 
-/// Prints the quality that a budget chose.
+/// Prints the quality that was chosen for a frame budget.
 pub(crate) fn say_chosen(chosen: &StillQuality) {
     match chosen.fits() {
         true => eprintln!("quality: {chosen}"),

@@ -20,7 +20,7 @@ use super::{Classify, Failure, input, live, output, terminal};
 /// Period at which the recording's status is checked.
 const POLL: Duration = Duration::from_millis(250);
 
-/// Largest number of tracker events that are printed per status check.
+/// Largest number of tracker events printed per status check.
 const TOLD: usize = 4;
 
 /// Record a tracker's bytes as they come, until Ctrl-C, or the duration or the stream is over.
@@ -105,8 +105,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             let Settings { protocol: own, device, transport, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);
             let mut settings = Settings { protocol, ..Settings::default() };
-            // The station's choice of the probe's sensor applies only to its own protocol. A recording keeps its own
-            // choice.
+            // The station's choice of the probe's sensor applies only to its own protocol. A station that plays a
+            // recording leaves the choice to that recording.
             if protocol == *own && !matches!(transport, Transport::Recording { .. }) {
                 settings.device = device.clone();
             }
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     finish(args, recorder.finish(), &totals)
 }
 
-/// The tracker to record.
+/// Settings of the tracker to record.
 fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
     let chosen = args.tracker.over(station.tracker.clone())?;
     let mut settings = chosen.unwrap_or_else(|| station.tracker.clone());
@@ -148,7 +148,7 @@ fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
         )));
     }
     args.tracker.choose_probe(&mut settings)?;
-    // A repeating recording would never end.
+    // A repeated recording would never end.
     if let Transport::Recording { repeat, .. } = &mut settings.transport {
         *repeat = false;
     }
@@ -175,7 +175,7 @@ fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failur
     useless.map_or(Ok(()), |why| Err(Failure::Other(anyhow!("{why}"))))
 }
 
-/// Reason why a recording of this many bytes holds no pose of the probe; `None` if it holds one.
+/// Reason why a recording of `bytes` bytes holds no pose of the probe; `None` if it holds one.
 fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
     let cause = totals.cause.as_ref().map_or_else(String::new, |cause| format!(": {cause}"));
     let path = path.display();
@@ -194,8 +194,8 @@ fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
     }
 }
 
-/// Prints the status until the recording ends. Returns the reason for the end, and the totals. `is_only` says that no
-/// sensor except the probe's is heard.
+/// Prints the status until the recording ends. Returns the reason for the end, and the totals. `is_only`: no sensor is
+/// chosen, so only a single one can be the probe.
 fn wait(
     runtime: &Runtime,
     mut signals: StopSignals,

@@ -1,4 +1,4 @@
-//! `insonify render`: one frame with its maps.
+//! `insonify render`: renders one frame with its maps.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Arguments of commands that render a recorded session, with the poses and settings of the live session.
+//! Arguments of commands that render a recorded session with its poses and settings.
 
 use std::path::{Path, PathBuf};
 
@@ -52,7 +52,7 @@ pub(crate) struct ReplayArgs {
 }
 
 impl ReplayArgs {
-    /// Reads station and recording, and prints what may surprise the user.
+    /// Reads station and recording. Prints remarks on what may surprise the user.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
         input::expect_recording(&self.recording, &self.station)?;
@@ -81,9 +81,9 @@ impl ReplayArgs {
         Ok(replay)
     }
 
-    /// Prints settings in which the recorded session's start differs from the station.
+    /// Prints settings that differ between the start of the recorded session and the station.
     fn say_others(&self, replay: &Replay) {
-        // A quality that is chosen here differs on purpose.
+        // A quality chosen on the command line differs on purpose.
         let chosen = self.quality.is_some() || replay.station.frame_budget_ms.is_some();
         let others = replay.others_at_start.iter().filter(|o| !chosen || !matches!(&*o.key, "rays" | "layers"));
         let text = |OtherSetting { key, recorded, here }: &OtherSetting| format!("{key} {recorded} (station: {here})");
@@ -99,14 +99,15 @@ impl ReplayArgs {
     }
 }
 
-/// Warns of refused settings in the session recorded at `path`.
+/// Warns of settings in the session recorded at `path` that were refused.
 pub(crate) fn warn_of_refused(path: &Path, refused: &[String]) {
     for reason in refused {
         tracing::warn!("{}: {reason}", path.display());
     }
 }
 
-/// Applies and prints the quality that the station's frame budget chooses, if the budget applies.
+/// Chooses and prints the quality for the station's frame budget, if the station has one. Also warns of missing
+/// effects.
 pub(crate) fn choose_quality(replay: &mut Replay, backend: &Backend, scene: &Scene) -> Result<(), Failure> {
     if let Some(chosen) = replay.choose_quality(backend, scene)? {
         quality::say_chosen(&chosen);

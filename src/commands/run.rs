@@ -1,4 +1,4 @@
-//! `insonify run`: a live session.
+//! `insonify run`: runs a live session.
 
 use std::fs::File;
 use std::io::Write;
@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
     check_outputs(args, &station)?;
     let (poses, tracked) = pose_source(args, &station)?;
-    // Refuses a recording that can't be played before anything is opened. A recording that is not used may be
+    // Refuses a recording that can't be played before anything is opened. If the session doesn't play it, it may be
     // missing.
     let stream = match &tracked {
         Some(_) => Some(stream_of(&station.tracker)?),
@@ -157,7 +157,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let summary = session(&station, limits, live)?;
     let report = RunSummary { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary: &summary };
     let printed = print(args.json, &report);
-    // If the log can't be written, the error is returned only after the summary is printed.
+    // A log that can't be written is reported only after the summary is printed.
     let logged = log_end.map_or(Ok(()), |end| end.write(&report));
     printed?;
     if let Some(tracked) = &tracked {
@@ -169,7 +169,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if failures.is_empty() { Ok(()) } else { Err(Failure::Other(anyhow!("{}", failures.join("; ")))) }
 }
 
-/// Prints what was recorded. Returns the reason if the recording is not complete.
+/// Prints what was recorded. Returns the reason if the recording is incomplete; otherwise `None`.
 fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
     let path = path.display();
     let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
@@ -184,7 +184,7 @@ fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
     }
 }
 
-/// Refuses output files that the session reads, or that already exist.
+/// Refuses output files that the session reads, and existing ones without `--force`.
 fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
     let mut outputs = Outputs::apart_from(station.files());
     if let Some(path) = &args.record {
@@ -201,15 +201,15 @@ fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Sinks named on the command line, or else by the station.
+/// Sinks named on the command line, else those of the station.
 fn sinks(args: &Args, station: &Station) -> Vec<LiveSinkKind> {
     if args.sinks.is_empty() { station.live_sinks() } else { LiveSinkKind::each_once(args.sinks.clone()) }
 }
 
-/// Source of the poses, and the tracker's poses if there is a tracker.
+/// Source of the poses, and the tracker's poses if a tracker is used.
 type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
-/// Source of the poses.
+/// Makes the source of the poses.
 fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     if args.pose.is_none()
         && let Some(tracked) = TrackedPoses::of_station(station)?
@@ -220,7 +220,7 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     Ok((Box::new(StandingPose(pose)), None))
 }
 
-/// Loads the station. `--replay` replaces its tracker by a recording.
+/// Loads the station. `--replay` replaces its tracker with a recording.
 fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);
@@ -230,9 +230,9 @@ fn station(args: &Args) -> Result<Station, Failure> {
     Ok(station)
 }
 
-/// Runs the session. A window takes the main thread for this time.
+/// Runs the session. A window occupies the main thread meanwhile.
 fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summary, Failure> {
-    // The sender must live until the end, because the channel must stay open even if no sink takes input.
+    // The sender must live until the end: the channel has to stay open even if no sink sends input.
     let (parts, control) = (live.parts, live.control);
     let run = move || live::run(station, limits, parts, |_| {});
     #[cfg(feature = "window")]
@@ -264,21 +264,21 @@ fn print(json: bool, report: &RunSummary<'_>) -> Result<(), Failure> {
     output::line(report.summary)
 }
 
-/// End of the `--metrics` log. The file is opened early, so that the last line is also written if the log was renamed
+/// The end of the `--metrics` log. The file is opened early, so the last line is written even if the log is renamed
 /// meanwhile.
 struct LogEnd<'a> {
     file: File,
     path: &'a Path,
 }
 
-/// Last line of a log: the session's summary.
+/// Last line of the log: the session's summary.
 #[derive(Serialize)]
 struct LastLine<'a> {
     summary: &'a RunSummary<'a>,
 }
 
 impl<'a> LogEnd<'a> {
-    /// Opens an existing log.
+    /// Opens an existing log for appending.
     fn open(path: &'a Path) -> Result<Self, SinkError> {
         let file = File::options().append(true).open(path).map_err(SinkError::io(path))?;
         Ok(Self { file, path })

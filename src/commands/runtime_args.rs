@@ -23,7 +23,7 @@ fn threads() -> String {
 }
 
 impl RuntimeArgs {
-    /// Options for loading a generator. `tissues` are the station's tissue names, from number 1.
+    /// Options for loading a generator. `tissues` holds the station's tissue names, from class number 1.
     pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
         LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues }
     }

@@ -1,4 +1,4 @@
-//! `insonify score`: compares a session with the standard planes.
+//! `insonify score`: compares a recorded session with the standard planes of a scene.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -59,17 +59,17 @@ pub(crate) struct Args {
 struct ScoredSession<'a> {
     recording: RecordingReport<'a>,
     station: &'a PathBuf,
-    /// Source of the poses: `session`, or `tracker` with the station's calibration.
+    /// Source of the poses: `session`, or `tracker` (with the station's calibration).
     poses: &'static str,
-    /// Source of the scored planes: `option`, `recording` or `scene`.
+    /// Source of the names of the scored planes: `option`, `recording` or `scene`.
     planes_from: &'static str,
     #[serde(flatten)]
     score: &'a Score,
-    /// Time with the probe where no hand can hold it.
+    /// Time during which the probe was where no hand can hold it; `None` if there was none.
     misplaced: Option<MisplacedTime>,
-    /// How the station's scene differs from the one that the session was recorded on, if it does.
+    /// How the station's scene differs from the recorded session's; `None` if it doesn't.
     other_scene: Option<&'a str>,
-    /// Source of the tolerances.
+    /// Text about the tolerances and their source.
     tolerances: &'a str,
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let reference = Reference {
         planes: subject.planes.clone(),
         scene_planes: planes.planes.iter().collect(),
-        // If a station does not simulate contact, the picture is complete wherever the probe is.
+        // If the station does not simulate contact, the picture is complete wherever the probe is.
         skin: (station.settings.effects.of(Effect::Contact) != Choice::Off).then_some(&skin),
         surfaces: &surfaces,
         contact: &station.settings.contact,
@@ -149,17 +149,17 @@ fn warnings(exam: &RecordedExam, other_scene: Option<&str>) -> Vec<String> {
     warnings
 }
 
-/// Planes that are scored.
+/// Standard planes to score.
 struct Subject<'a> {
     planes: Vec<&'a StandardPlane>,
     /// Source of the planes' names: `option`, `recording` or `scene`.
     from: &'static str,
-    /// Sentence about the source of the planes.
+    /// Sentence for the user about that source.
     note: String,
 }
 
 impl<'a> Subject<'a> {
-    /// Planes that the option names, or else the recording's `events`, or else all planes of the scene.
+    /// Planes named by the option, else by the recording's `events`, else all planes of the scene.
     fn of(args: &Args, events: &[Event], scene: &'a StandardPlanes) -> Result<Self, Failure> {
         const CHOOSE: &str = "choose them with --planes head,abdomen, or --planes all";
         let all = scene.planes.len();

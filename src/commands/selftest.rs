@@ -1,4 +1,4 @@
-//! `insonify selftest`: checks frames of this device against closed formulas of acoustics.
+//! `insonify selftest`: compares frames of this device with acoustic theory.
 
 use std::path::PathBuf;
 

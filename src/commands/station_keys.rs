@@ -1,4 +1,4 @@
-//! `insonify station-keys`: keys of a station file.
+//! `insonify station-keys`: lists the keys of a station file.
 
 use clap::Parser;
 use insonify::station::print_keys;

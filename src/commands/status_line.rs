@@ -4,7 +4,7 @@ use indicatif::ProgressBar;
 
 use super::terminal;
 
-/// Time between two lines if there is no terminal, s.
+/// Time between two printed lines without a terminal, s.
 const LINE_INTERVAL_S: f64 = 5.0;
 
 /// Status line on stderr.
@@ -14,12 +14,12 @@ pub(crate) struct StatusLine {
 }
 
 impl StatusLine {
-    /// A status line that shows nothing yet.
+    /// Status line without text.
     pub(crate) fn new() -> Self {
         Self { bar: terminal::show(ProgressBar::new_spinner(), "{msg}"), next_line_s: LINE_INTERVAL_S }
     }
 
-    /// Shows `line` at `elapsed_s` since the start; `line` is called only if its text is shown.
+    /// Shows `line` at `elapsed_s` after the start. `line` is called only if its text is shown.
     pub(crate) fn set(&mut self, elapsed_s: f64, line: impl FnOnce() -> String) {
         match &self.bar {
             Some(bar) => bar.set_message(line()),

@@ -1,4 +1,4 @@
-//! Progress of the library's long tasks. Each phantom that has to be built first has a bar of its own.
+//! Progress bars of the library's long tasks. Each phantom that has to be built has a bar of its own.
 
 use std::sync::Mutex;
 
@@ -6,19 +6,19 @@ use insonify::dataset::Step;
 
 use super::progress::Progress;
 
-/// Progress of a task, and of the phantom that is currently built.
+/// Progress of a task, and of the phantom that is being built.
 pub(super) struct Steps {
     task: Progress,
     phantom: Mutex<Option<Progress>>,
 }
 
 impl Steps {
-    /// Steps of a task.
+    /// Progress bars of `task`.
     pub(super) fn new(task: Progress) -> Self {
         Self { task, phantom: Mutex::new(None) }
     }
 
-    /// Shows a step.
+    /// Shows the progress of a step.
     pub(super) fn set(&self, step: Step) {
         let Ok(mut phantom) = self.phantom.lock() else { return };
         match step {

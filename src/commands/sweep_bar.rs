@@ -1,4 +1,4 @@
-//! Progress and errors of measurements.
+//! Progress and errors of measurements, for the user.
 
 use std::cell::RefCell;
 
@@ -7,7 +7,7 @@ use insonify::measuring::{MeasuringError, Step};
 use super::progress::Progress;
 use super::{Failure, output};
 
-/// The error with the option that it is about.
+/// Converts an error. For damaged stored results, it names the option `--resume`.
 pub(super) fn of_options(error: MeasuringError) -> Failure {
     match error {
         MeasuringError::Damaged { path, source } => {
@@ -18,12 +18,12 @@ pub(super) fn of_options(error: MeasuringError) -> Failure {
     }
 }
 
-/// Progress of the current part of a sweep.
+/// Progress bar of the current part of a sweep.
 #[derive(Default)]
 pub(super) struct SweepBar(RefCell<Option<(&'static str, Progress)>>);
 
 impl SweepBar {
-    /// Shows a step.
+    /// Shows or prints a step.
     pub(super) fn say(&self, step: Step<'_>) {
         match step {
             Step::Reference(found) => eprintln!("{found}"),
@@ -35,7 +35,7 @@ impl SweepBar {
                 eprintln!("[{number}/{total}] {}: {ms:.1} ms, error {rmse:.2}{left}", point.name);
             }
             Step::Error(point) => {
-                // The bar is cleared before the line is printed.
+                // Removes the bar before the line is printed.
                 *self.0.borrow_mut() = None;
                 eprintln!("{point}");
             }
@@ -44,11 +44,11 @@ impl SweepBar {
         }
     }
 
-    /// Shows the part's progress.
+    /// Shows the progress of the part `label`.
     fn set(&self, label: &'static str, done: usize, total: usize) {
         let mut shown = self.0.borrow_mut();
         if shown.as_ref().is_none_or(|(shown, _)| *shown != label) {
-            // The last bar is cleared before the next is drawn.
+            // Removes the previous part's bar before a new one is drawn.
             *shown = None;
             *shown = Some((label, Progress::new(label, 0)));
         }

@@ -1,4 +1,4 @@
-//! Text on stderr: warnings in one format, above progress bars that stay intact.
+//! Text output to stderr: one format for warnings, and progress bars that stay intact below the text.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -16,19 +16,21 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 /// All progress bars of the process.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Shows a bar on a terminal. Text from [`say`] and from the log appears above it. `None` without a terminal.
+/// Adds a bar, if stderr is a terminal; otherwise returns `None`. Text from [`say`] and from the log appears above the
+/// bar.
 pub(crate) fn show(bar: ProgressBar, template: &str) -> Option<ProgressBar> {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     io::stderr().is_terminal().then(|| BARS.add(bar.with_style(style)))
 }
 
-/// Writes a line above the bars. If the terminal is closed, the line is lost.
+/// Prints a line above the bars. If the terminal is closed, the line is lost.
 pub(crate) fn say(text: &str) {
-    // `eprintln` would panic if the terminal is closed, before a session's files are finished.
+    // `eprintln` would panic if the terminal is closed, and a session's files would stay unfinished.
     let _ = BARS.suspend(|| writeln!(io::stderr(), "{text}"));
 }
 
-/// Starts logging to stderr. `RUST_LOG` sets what is logged; without it, warnings are, and more with each `verbose`.
+/// Starts logging to stderr. `RUST_LOG` selects what is logged. Without it, warnings are logged, and more for each
+/// count of `verbose`.
 pub(crate) fn start_log(verbose: u8) {
     let filter = log_filter(std::env::var("RUST_LOG").ok().as_deref(), verbose);
     // Colour codes are written only to terminals.
@@ -37,9 +39,10 @@ pub(crate) fn start_log(verbose: u8) {
     tracing_subscriber::registry().with(log.with_writer(|| AboveBars).event_format(Line)).with(filter).init();
 }
 
-/// Filter of the log: `wanted` by the user, as `TARGET=LEVEL` or `LEVEL`, several separated by commas. An empty or invalid
-/// one must not silence the log: then it is that of `verbose`. A target matches all targets that begin with it, so
-/// `insonify` matches all crates of insonify.
+/// Filter of the log from the user's text `wanted`: `TARGET=LEVEL` or `LEVEL`, several separated by commas. A target
+/// matches all targets that begin with it, so `insonify` matches all crates of insonify.
+///
+/// An empty or invalid text must not silence the log; `verbose` decides then.
 fn log_filter(wanted: Option<&str>, verbose: u8) -> Targets {
     let warnings = Targets::new().with_default(Level::WARN);
     let own = match verbose {
@@ -50,12 +53,12 @@ fn log_filter(wanted: Option<&str>, verbose: u8) -> Targets {
     wanted.filter(|text| !text.is_empty()).and_then(|text| text.parse().ok()).unwrap_or(own)
 }
 
-/// Writer to stderr, above the bars.
+/// Writer to stderr, above the progress bars.
 struct AboveBars;
 
 impl Write for AboveBars {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // Writing must not fail if the terminal is closed: the log would panic as it reports the error.
+        // Must not fail if the terminal is closed: the log would panic while it reports the error.
         Ok(BARS.suspend(|| io::stderr().write(bytes)).unwrap_or(bytes.len()))
     }
 

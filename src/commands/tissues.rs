@@ -1,4 +1,4 @@
-//! `insonify tissues`: the built-in tissue table.
+//! `insonify tissues`: lists the built-in tissues.
 
 use clap::Parser;
 use insonify::anatomy::builtin::sourced_tissues;

@@ -48,7 +48,7 @@ Lines of one's own firmware (ascii-line), nine numbers and a checksum each:
   seq counts lines; t_us is the board's clock in microseconds; x,y,z in mm; a unit quaternion, w first;
   HH: xor of all characters between P and *, two hexadecimal digits. docs/trackers.md has code that writes them";
 
-/// Settings of a station's tracker.
+/// The station's tracker settings; an error if the station has no tracker.
 pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
     if station.tracker.transport == Transport::None {
         let path = station.path.display();
@@ -58,7 +58,7 @@ pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
 }
 
 impl TrackerArgs {
-    /// Applies `--sensor` or `--tool` to `settings`, if one is given.
+    /// Applies the sensor of `--sensor` or the tool of `--tool` to `settings`, if given.
     ///
     /// # Errors
     /// A name is given for a protocol whose sensors have numbers, or a number for one whose tools have names.
@@ -67,7 +67,8 @@ impl TrackerArgs {
         settings.check_probe().input()
     }
 
-    /// Settings of the chosen tracker, with the device settings of `base`; `None` if no protocol is chosen.
+    /// Settings of the tracker chosen on the command line, with the device settings of `base`. `None` if no protocol is
+    /// chosen.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
         let (port, address) = (self.port.clone(), self.address.clone());

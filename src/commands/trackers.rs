@@ -50,7 +50,7 @@ Examples:
   insonify trackers --address 0.0.0.0:4242 --protocol opentrack            datagrams of a phone or another PC
   insonify trackers configs/station.toml                     poses of a station's tracker";
 
-/// Time between two lines.
+/// Time between two printed lines.
 const PERIOD: Duration = Duration::from_millis(500);
 
 /// Runs the command.
@@ -113,7 +113,7 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     cancel.cancel();
     let total = session.join();
     result?;
-    // Damage in the last second is printed when the session ends.
+    // Damage in the last second is known only when the session ends.
     monitor.report().news(usize::MAX).for_each(|news| eprintln!("tracker: {news}"));
     if !json {
         let other_senders = match total.other_sender {
@@ -128,7 +128,7 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     verdict(settings, &total)
 }
 
-/// Fails if no record of the probe was received, or if several sensors sent and none is chosen.
+/// Fails if the probe sent no record, or if several sensors sent records and none is chosen.
 fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
     if total.undecided {
         let event = TrackerEvent::Undecided { heard: total.heard.clone() };

@@ -1,4 +1,4 @@
-//! `insonify tradeoff`: frame time against image error.
+//! `insonify tradeoff`: measures frame time against image error.
 
 use std::path::PathBuf;
 
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.recording.as_deref().or(station.recording()).is_none() {
         input::pose(None, &station, "--recording FILE, a recorded tracker")?;
     }
-    // Before the scene, which may have to be built.
+    // Checked before the scene, which may have to be built first.
     Poses::of_station(&station, args.recording.as_deref())?;
     let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);
@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let bar = SweepBar::default();
     let report = sweep.run(&|step| bar.say(step)).map_err(of_options)?;
     drop(bar);
-    // A closed output must not lose a long sweep.
+    // Files are written first, because a closed output must not lose a long sweep.
     let files = report.write(&args.out)?;
     output::line(report.tables())?;
     output::line(&report.reference)?;

@@ -1,4 +1,4 @@
-//! `insonify view`: pictures of a scene with the probe in it.
+//! `insonify view`: draws a scene with the probe in it.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -145,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.display())
 }
 
-/// The scene, and the station if a station file is given.
+/// Loads the scene, and the station if a station file is given.
 fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;
@@ -156,7 +156,7 @@ fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     Ok((import::load(&args.scene, &tissues, background).input()?, None))
 }
 
-/// B-mode image at the probe's pose.
+/// Renders the B-mode image at the probe's pose.
 fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pose>) -> Result<BmodeImage, Failure> {
     let station = station.ok_or_else(|| {
         anyhow!("--bmode needs a station file, which has the probe and the image; {} is a scene", args.scene.display())

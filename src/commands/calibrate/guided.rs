@@ -1,4 +1,4 @@
-//! Guided calibration of a probe: its steps are recorded one after the other with a live tracker.
+//! Guided calibration of a probe. Its steps are recorded one after another with a live tracker.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -31,15 +31,15 @@ const STEPS: [(&str, u64); 4] = [
     ),
 ];
 
-/// Largest differences between the measured face and the station's that give no warning: of the width, relative, and
-/// of the arc's height, mm.
+/// Largest differences of the measured face from the station's that give no warning: relative difference of the width,
+/// and difference of the arc's height, mm.
 const FACE: (f64, f64) = (0.15, 3.0);
 
-/// Check of the pivot about the centre of the face.
+/// Check of the first step: tilting the probe about the centre of its face.
 type Check<'a> = &'a dyn Fn(&Pivot) -> Result<(), String>;
 
-/// Records the steps with the given sensor or tool, or else with the station's. Returns the mounting, and the
-/// calibration file for it: `out`, or else the station's.
+/// Records the steps with the given sensor or tool, else with the station's. Returns the mounting of the sensor on the
+/// probe, and the calibration file to write: `out`, else the station's.
 pub(super) fn run(
     path: &Path,
     (sensor, tool): (Option<u16>, Option<&str>),
@@ -84,7 +84,7 @@ fn other_face((width_mm, arc_mm): (f64, f64), probe: &Probe) -> Option<String> {
     })
 }
 
-/// Asks for each step in turn. A line of `input` answers; `record` records poses for some seconds.
+/// Asks for each step in turn. The user answers with a line of `input`; `record` records poses for a number of seconds.
 fn ask(
     input: &mut impl BufRead,
     check: Check<'_>,
@@ -134,8 +134,7 @@ fn ask(
     }
 }
 
-/// Checks the poses of the next step against the steps in `taken`. A bad pivot or a bad end is thus recorded again at
-/// once.
+/// Checks the poses of the next step against the steps in `taken`, so that a bad step is recorded again at once.
 fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> Result<Vec<Pose>, String> {
     let before = |step: usize| taken.get(step).and_then(Option::as_deref);
     let tilted = before(0).unwrap_or(&poses);
@@ -152,7 +151,7 @@ fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> 
     ends.map(|()| poses).map_err(|error: MountError| error.to_string())
 }
 
-/// Mounting that follows from all steps together.
+/// Mounting of the sensor on the probe, computed from all steps together.
 fn finished(taken: &[Option<Vec<Pose>>]) -> Result<ProbeMount, String> {
     let of = |step: usize| taken.get(step).and_then(Option::as_deref);
     let steps = MountSteps {
@@ -172,8 +171,8 @@ mod tests {
 
     use super::*;
 
-    /// Sensor poses in a step, for a convex probe whose sensor is 90 mm behind its face and turned by 90° about the
-    /// beam.
+    /// Sensor poses of a step, for a convex probe. Its sensor is 90 mm behind the face and turned by 90° about the beam
+    /// axis.
     fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
         let sensor_from_probe = Pose { position_mm: DVec3::Z * 90.0, orientation: DQuat::from_rotation_z(FRAC_PI_2) };
         let pose = |i: u32| {
@@ -186,7 +185,7 @@ mod tests {
         (0..200).map(pose).collect()
     }
 
-    /// Result of `ask` if the user answers `input` and the recordings are `script`. Pivots of up to 5 mm RMS are
+    /// Result of `ask` for the answers `input` and the recordings `script`. A pivot with an RMS of up to 5 mm is
     /// accepted.
     fn asked(input: &str, mut script: Vec<Result<Vec<Pose>, String>>) -> Result<ProbeMount, String> {
         script.reverse();
@@ -208,7 +207,7 @@ mod tests {
         let found = asked("\n\n\n\n", all()).unwrap();
         assert!(turn(&found) < 1e-6 && (found.position_mm.z - 90.0).abs() < 1e-6, "{found:?}");
         assert!(turn(&asked("\n\n\nskip\n", all()).unwrap()) < 1e-6);
-        // A pivot without tilting is asked for again, and a step can be taken back.
+        // A pivot without tilting has to be repeated, and a step can be taken back.
         let mut script = all();
         script.insert(0, Ok(spin.clone()));
         script.insert(2, Ok(other.clone()));

@@ -65,8 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     fit(&in_scene(found, station.as_ref(), path)?, path, &args.output)
 }
 
-/// Turns landmarks into the axes of the station's scene. Without a station they stay in LPS. `path` is the landmarks'
-/// file.
+/// Turns landmarks into the axes of the station's scene; without a station they stay in LPS. `path` is the landmarks'
+/// file, for errors.
 fn in_scene(
     found: Listed<Named<PointPair>>,
     station: Option<&Station>,

@@ -1,4 +1,4 @@
-//! `insonify calibrate`: transforms between scene, tracker, sensor and probe.
+//! `insonify calibrate`: fits the transforms between scene, tracker, sensor and probe.
 
 mod guided;
 mod landmarks;
@@ -75,8 +75,8 @@ fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|mm: &f64| *mm > 0.0).ok_or_else(|| "expected a number above 0, in mm".to_owned())
 }
 
-/// Calibration file for a result: `out`, or else the station's. It must be none of the station's other files, and
-/// none of `others`.
+/// Calibration file for a result: `out`, else the station's. Refuses any other file that the station uses, and any file
+/// in `others`.
 fn calibration_file<'a>(
     station: &Station,
     out: Option<&Path>,
@@ -87,7 +87,7 @@ fn calibration_file<'a>(
         anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
     });
     let out = out.input()?.to_owned();
-    // The calibration file itself may be both read and changed.
+    // The calibration file itself may be read and then changed.
     let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
     Outputs::apart_from(read).and(others).replaced("--out", &out)?;
     Ok(out)

@@ -1,4 +1,4 @@
-//! `insonify calibrate pivot`: fits a stylus' tip to poses of pivoting about it.
+//! `insonify calibrate pivot`: fits the position of a stylus' tip to poses recorded while it pivots about the tip.
 
 use std::path::PathBuf;
 

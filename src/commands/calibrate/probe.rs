@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     report(&found, args.output.out.as_deref(), args.output.json)
 }
 
-/// Refuses a centre whose residual is above `max_rms` mm.
+/// Refuses a face centre whose RMS residual exceeds `max_rms` mm.
 fn limit(pivot: &Pivot, max_rms: f64) -> Result<(), String> {
     let rms_mm = pivot.rms_mm;
     if rms_mm <= max_rms {
@@ -104,7 +104,7 @@ fn limit(pivot: &Pivot, max_rms: f64) -> Result<(), String> {
     ))
 }
 
-/// Writes and prints the mounting.
+/// Writes the mounting to the calibration file `out`, if there is one, and prints it.
 fn report(found: &ProbeMount, out: Option<&Path>, json: bool) -> Result<(), Failure> {
     if let Some(out) = out {
         let value: Pose = found.sensor_from_probe;

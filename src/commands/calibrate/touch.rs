@@ -1,4 +1,4 @@
-//! Landmarks that are touched with a live tracker.
+//! Landmarks that the user touches with a live tracker.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -25,10 +25,10 @@ use super::{calibration_file, positive};
 /// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Smallest distance between two points to touch, mm.
+/// Least distance between two landmarks, mm.
 const APART_MM: f64 = 1.0;
 
-/// Largest number of poses that are examined for a still tip, as a multiple of the poses needed.
+/// Largest number of poses examined for a still tip, as a multiple of the number needed.
 const PATIENCE: usize = 10;
 
 /// Options of touching landmarks.
@@ -59,7 +59,7 @@ pub(super) struct TouchArgs {
     tolerance: f64,
 }
 
-/// Records the touched landmarks. Returns them, and the calibration file for the result: `out`, or else the
+/// Records the landmarks that the user touches. Returns them, and the calibration file to write: `out`, else the
 /// station's.
 pub(super) fn run(
     path: &Path,
@@ -88,7 +88,7 @@ pub(super) fn run(
     Ok((pairs?, out))
 }
 
-/// The points to touch, in the scene's axes.
+/// Landmarks to touch, in the scene's axes.
 fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
         return read(path, station);
@@ -125,7 +125,7 @@ fn distinct(points: &[Named<DVec3>]) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads points from `path` in the scene's axes.
+/// Reads landmarks from `path`, and turns them into the scene's axes.
 fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     let found = csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path)?;
     found.notes.iter().for_each(|note| tracing::warn!("{}: {note}", path.display()));
@@ -137,7 +137,7 @@ fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     Ok(found.values.into_iter().map(in_scene).collect())
 }
 
-/// Axes of the station's scene. They are needed for points in LPS, which the file `path` holds.
+/// Axes of the station's scene, for points in LPS from the file `path`. Warns if the scene doesn't state its axes.
 pub(super) fn scene_axes(station: &Station, path: &Path) -> Result<Axes, Failure> {
     let axes = match &station.scene {
         SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
@@ -152,7 +152,8 @@ pub(super) fn scene_axes(station: &Station, path: &Path) -> Result<Axes, Failure
     Ok(axes)
 }
 
-/// Position of the tip in the frame of its sensor, mm, and what the tip is.
+/// Position of the touching tip in the frame of its sensor, mm, and a name of the tip for the user. `file` is another
+/// calibration file that may hold the position.
 fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
     let own = station.calibration.path.as_deref();
     let calibration = Calibration::of_files(own.into_iter().chain([file]))?;
@@ -170,7 +171,7 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     Ok((DVec3::ZERO, "the sensor"))
 }
 
-/// What the user answers about a landmark.
+/// The user's answer for a landmark.
 #[derive(Debug, Clone, PartialEq)]
 enum Answer {
     Open,
@@ -178,7 +179,7 @@ enum Answer {
     Taken(PointPair),
 }
 
-/// Landmarks to touch, and the answers so far.
+/// Landmarks to touch, and the user's answers so far.
 struct Session<'a> {
     points: &'a [Named<DVec3>],
     answers: Vec<Answer>,
@@ -203,7 +204,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Asks again for the landmark with this name or number. An error names the landmarks there are.
+    /// Makes the landmark with this name or number open again. The error lists the names of all landmarks.
     fn again(&mut self, which: &str) -> Result<(), String> {
         let by_name = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(which));
         let by_number = which.parse().ok().filter(|number| (1..=self.points.len()).contains(number));
@@ -220,7 +221,7 @@ impl<'a> Session<'a> {
         self.answers.iter().position(|answer| *answer == Answer::Open)
     }
 
-    /// The touched landmarks, in the order of the points.
+    /// The touched landmarks, in their original order.
     fn taken(&self) -> Vec<Named<PointPair>> {
         let named = |(point, answer): (&Named<DVec3>, &Answer)| match answer {
             Answer::Taken(value) => Some(Named { name: point.name.clone(), value: *value }),
@@ -230,8 +231,8 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Asks for each landmark in turn. A line of `input` answers. After the last landmark, Enter or the end of the input
-/// finishes.
+/// Asks for each landmark in turn. The user answers with a line of `input`. After the last landmark, Enter or the end
+/// of the input finishes.
 fn ask(
     points: &[Named<DVec3>],
     tip: &str,
@@ -301,7 +302,7 @@ mod tests {
         ["A", "B", "C"].into_iter().enumerate().map(point).collect()
     }
 
-    /// Names of the landmarks that were taken, and names for which a touch was tried, in order.
+    /// Result of the dialogue: names of the taken landmarks. Also names of all touched ones, in order of the attempts.
     fn asked(input: &str, mut is_still: impl FnMut(usize) -> bool) -> (Result<Vec<String>, String>, Vec<String>) {
         let mut tried = Vec::new();
         let result = ask(&points(), "it", &mut input.as_bytes(), |point| {
@@ -326,14 +327,14 @@ mod tests {
             (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
         );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
-        // After the last landmark, any can still be touched again, by name or number.
+        // After the last landmark, any landmark can be touched again, chosen by name or number.
         for line in ["back", "undo", "again c", "again 3"] {
             let (taken, tried) = asked(&format!("\n\n\n{line}\n\n\n"), |_| true);
             assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABCC".to_owned()), "{line}");
         }
         let (taken, tried) = asked("\n\nagain A\nagain none\n\n\n", |_| true);
         assert_eq!((taken.unwrap(), tried.join("")), (vec!["A".into(), "B".into(), "C".into()], "ABAC".to_owned()));
-        // A landmark is asked for again if its tip moved.
+        // If the tip moved, the same landmark is asked for again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
     }

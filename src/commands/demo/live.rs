@@ -1,5 +1,5 @@
-//! The live part of the demo, on the recorded exam. The chain is: tracker bytes → decoder → estimator → render →
-//! generator → page and files.
+//! Live part of the demo, with the recorded exam. Bytes of the tracker pass through decoder, estimator, renderer and
+//! generator to the page and to files.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -21,7 +21,7 @@ use tokio::sync::mpsc;
 use super::Args;
 use crate::commands::{Classify, Failure, live, output, terminal};
 
-/// Files of a shipped generator, with their contents.
+/// Files of a shipped generator: path and contents of each.
 macro_rules! generator {
     ($name:literal) => {
         generator!(
@@ -45,7 +45,7 @@ macro_rules! generator {
 /// Files of the live station, by their paths in the repository. They are embedded in the program, so that the demo
 /// runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
-/// Generators that the station names.
+/// Files of the generators that the station names.
 const GENERATORS: [[(&str, &[u8]); 6]; 1] = [generator!("beam_m_rolling")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
@@ -53,11 +53,11 @@ const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 /// Interval between saved pictures.
 const STILL_PERIOD: Duration = Duration::from_secs(2);
 
-/// Time after the exam's end at which the session is ended in any case.
+/// Time after the exam's end at which the session ends in any case.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Plays the exam of duration `length` once. On a terminal it repeats while the page is watched. Ctrl-C requests
-/// `interrupt`.
+/// Plays the exam of duration `length` once. On a terminal it repeats while the page is watched. `interrupt` is
+/// requested by Ctrl-C.
 pub(super) fn run(
     args: &Args,
     backend: &Backend,
@@ -104,7 +104,7 @@ pub(super) fn run(
     }
     let began = live.parts.clock.now();
     live.track(&tracked, &tracker)?;
-    // Ends the session even if the recorded bytes stop coming.
+    // Ends the session even if the recording stalls.
     let duration = (!stays).then(|| length + GRACE);
     let enter = if stays { enter() } else { Arc::default() };
     let end_s = (began + length).as_secs_f64();
@@ -130,7 +130,8 @@ pub(super) fn run(
     if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
 }
 
-/// Writes the station and all its files below `root`, and loads it. `insonify run` can use these files, too.
+/// Writes the station and all its files below `root`, and loads the station. `insonify run` can use these files as
+/// well.
 fn station(root: &Path) -> Result<Station, Failure> {
     for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
         let path = root.join(name);
@@ -142,21 +143,21 @@ fn station(root: &Path) -> Result<Station, Failure> {
     Ok(Station::load(&root.join(STATION))?)
 }
 
-/// Automatic end of the live part.
+/// Condition for the automatic end of the live part.
 struct End {
-    /// Session time at which the exam has been played once, s.
+    /// Session time at which the exam has played once, s.
     end_s: f64,
     stays: bool,
     has_announced: bool,
 }
 
 impl End {
-    /// Reason to end the session at `now_s`, if there is one. `watchers` is the number of pages that are watching.
+    /// Reason to end the session at `now_s`; `None` if it goes on. `watchers` is the number of viewers of the page.
     fn due(&self, now_s: f64, watchers: usize) -> Option<&'static str> {
         (self.stays && self.played(now_s) && watchers == 0).then_some("the exam is over, and nobody watches")
     }
 
-    /// Whether the exam has begun to repeat since the last call; true once.
+    /// Whether the exam has just begun to repeat; true only once.
     fn news(&mut self, now_s: f64) -> bool {
         let news = self.stays && self.played(now_s) && !self.has_announced;
         self.has_announced |= news;
@@ -168,19 +169,19 @@ impl End {
     }
 }
 
-/// Flag that is set when Enter is pressed. If nobody presses it, its thread is abandoned.
+/// Flag that becomes true when Enter is pressed. If nobody presses it, the waiting thread is abandoned.
 fn enter() -> Arc<AtomicBool> {
     let pressed = Arc::<AtomicBool>::default();
     let set = pressed.clone();
     std::thread::spawn(move || {
         let read = std::io::stdin().read_line(&mut String::new());
-        // The end of the input is not a key press.
+        // The end of the input does not count as Enter.
         set.store(read.is_ok_and(|bytes| bytes > 0), Ordering::Relaxed);
     });
     pressed
 }
 
-/// Sink of the page, address of the page, and number of its viewers.
+/// Sink of the page, address of the page, and a function that counts its viewers.
 type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]
@@ -189,7 +190,7 @@ fn page(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Re
     let scene = insonify::pipeline::scene_info(station, scene);
     let mut settings = station.browser.clone().unwrap_or_default();
     let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
-        // Another station may use the default port.
+        // Uses any free port, because another station may have the default one.
         settings.port = 0;
         BrowserSink::new(&settings, control.clone(), &scene)
     });

@@ -1,4 +1,4 @@
-//! `insonify demo`: a recorded exam over the obstetric phantom, to watch.
+//! `insonify demo`: plays a recorded exam of the obstetric phantom.
 
 mod live;
 
@@ -35,10 +35,11 @@ const STATION: &str = include_str!("../../../configs/obstetric.toml");
 const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";
 
-/// Number of high-quality frames and of generator runs that are timed. They are spread over the exam, so that the
-/// times are not those of a few simple views.
+/// Number of frames timed with the generator and at high quality. They are spread over the exam, because simple views
+/// take less time.
 const TIMED: usize = 20;
-/// High quality with one angle. The contact sheet instead shows the quality that the generator was trained for.
+/// High quality with one steering angle. The contact sheet instead shows the quality that the generator was trained
+/// for.
 const HQ: FrameQuality = FrameQuality::new(32, 3);
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 440;
@@ -108,18 +109,18 @@ struct DemoSummary<'a> {
     fps: f64,
     frames_lq: usize,
     frames_hq: usize,
-    /// Quality in the column HQ of the contact sheet.
+    /// Frame quality shown in the column HQ of the contact sheet.
     target: FrameQuality,
-    /// Generator of the contact sheet; none if the generator is missing.
+    /// Generator of the contact sheet; `None` if the generator is missing.
     #[serde(skip_serializing_if = "Option::is_none")]
     generator: Option<TranslationReport>,
     key_frames: &'a [KeyScores],
     overflowed: usize,
-    /// Times at low quality, including the generator's runs.
+    /// Times of frames at low quality, with the generator's runs.
     times_lq: Vec<StageTime>,
-    /// Times at high quality with one angle.
+    /// Times of frames at high quality with one steering angle.
     times_hq: Vec<StageTime>,
-    /// Times of key frames at the quality `target`.
+    /// Times of the key frames at the quality `target`.
     times_target: Vec<StageTime>,
     wall_s: f64,
     video: PathBuf,
@@ -158,7 +159,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let refused = |reason: &_| tracing::warn!("the contact sheet has no translated images: {reason}");
     let mut translation = Translation::load(&station, scene.tissues.names(), &sector).inspect_err(refused).ok();
 
-    // Half the size keeps the video small.
+    // Halving the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let timed: Vec<usize> = evenly(TIMED, timeline.poses.len()).collect();
     let load = OtherLoad::begin();
@@ -229,7 +230,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("times          {}", times.display()))
 }
 
-/// Renders the exam as a video. The frames in `timed` are also translated by the generator.
+/// Renders the exam as a video at low quality. The generator also translates the frames whose indices are in `timed`.
 fn film(
     lq: &mut Stage,
     mut translation: Option<&mut Translation>,
@@ -253,7 +254,7 @@ fn film(
     Ok(())
 }
 
-/// Renders the frames in `timed` at high quality, to measure their times.
+/// Renders the frames with indices in `timed` at high quality, to measure their times.
 fn time_frames(
     hq: &mut Stage,
     timeline: &Timeline,
@@ -286,7 +287,7 @@ fn live_chain(
     Ok(live)
 }
 
-/// Prints what was made, with the times at low quality, high quality and the quality `target` in columns.
+/// Prints a summary of the files. Columns show the times at low quality, at high quality and at the quality `target`.
 fn print(
     report: &DemoSummary<'_>,
     summary: &RecordingSummary,
@@ -302,7 +303,7 @@ fn print(
     output::line(format!("rendered       {frames_lq} frames at LQ (1x1), {frames_hq} at HQ ({HQ}), {key_frames}"))?;
     let compounded = format!("HQ of {}", report.target.angles);
     let columns = [("LQ", lq), ("HQ", hq), (compounded.as_str(), target)];
-    // Without a generator, the last two columns have the same quality.
+    // Without a generator, `target` is the high quality and needs no column.
     let shown = if report.target == HQ { &columns[..2] } else { &columns[..] };
     output::line(format!("\n{}\n", SideBySide(shown)))?;
     if let Some(name) = generator {

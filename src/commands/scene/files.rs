@@ -1,4 +1,4 @@
-//! Files that are made from a patient's data: scene, station, planes, recording, report.
+//! Files made from a patient's data: scene, station, standard planes, recording, report.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure, input, output};
 use super::pictures;
 
-/// Duration of the slide over the first view, s, and its reach in both directions, mm.
+/// Duration of the recorded slide over the first view, s, and its extent to each side, mm.
 const SLIDE_S: f64 = 20.0;
 const SLIDE_MM: f64 = 60.0;
 
@@ -61,13 +61,13 @@ pub(super) struct OutputArgs {
     pub(super) json: bool,
 }
 
-/// Surfaces of a scene, and where they come from.
+/// Surfaces of a scene, and their origin.
 pub(super) struct Source {
-    /// Path of the segmentation, or of the first of its files.
+    /// Path of the segmentation, or of its first file.
     pub(super) path: PathBuf,
-    /// Surfaces in ascending priority.
+    /// Surfaces by increasing priority.
     pub(super) surfaces: Vec<Made>,
-    /// Sides on which the scan ends within the body.
+    /// Planes at which the scan ends inside the body.
     pub(super) cuts: Vec<CutPlane>,
     pub(super) facts: Option<Facts>,
     pub(super) unmapped: Vec<String>,
@@ -84,7 +84,7 @@ impl OutputArgs {
         skin_points::points_path(&self.out)
     }
 
-    /// Checks the outputs against each other and against `inputs`.
+    /// Checks that outputs have the right suffixes, may be written, and are none of `inputs`.
     pub(super) fn check(&self, inputs: &[&Path]) -> Result<(), Failure> {
         if self.out.extension().is_none_or(|extension| extension != "glb") {
             return Err(Failure::Input(anyhow!("--out is {}; a scene's name ends in .glb", self.out.display())));
@@ -108,7 +108,8 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// Chooses the first view, writes all files and prints the summary. After an error no file of this run remains.
+    /// Chooses the first view, writes all files and prints the summary. After an error, the files written so far are
+    /// removed.
     pub(super) fn finish(&self, source: Source, progress: Progress) -> Result<(), Failure> {
         let mut files = Vec::new();
         let summary = self.write(source, progress, &mut files).inspect_err(|_| {
@@ -118,11 +119,11 @@ impl OutputArgs {
         if self.json { output::json(&summary) } else { output::text(&summary) }
     }
 
-    /// Writes all files. `files` receives the paths of those that were begun.
+    /// Writes all files. `files` receives the paths of files that were begun, for removal after an error.
     fn write(&self, source: Source, progress: Progress, files: &mut Vec<PathBuf>) -> Result<Summary, Failure> {
         let tissues = TissueTable::builtin().other()?;
         let Source { path, mut surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
-        // The names of meshes and segments come from files, so they may hold anything.
+        // Names of meshes and segments come from files, so they may hold any characters.
         for made in &mut surfaces {
             made.name = printable(&made.name).into_owned();
             made.segment = made.segment.take().map(|segment| printable(&segment).into_owned());
@@ -155,7 +156,7 @@ impl OutputArgs {
         files.push(self.points_file());
         let planes_file = planes::planes_path(&self.out);
         if start.planes.planes.is_empty() {
-            // Planes of an earlier scene would name surfaces that are gone.
+            // Existing planes belong to an earlier scene and would name missing surfaces.
             let _ = std::fs::remove_file(&planes_file);
         } else {
             write_json(&planes_file, &start.planes)?;
@@ -189,12 +190,12 @@ impl OutputArgs {
         Ok(summary)
     }
 
-    /// Errors and warnings of the doctor about the scene, one line each.
+    /// Errors and warnings that `insonify doctor` finds in the scene, one line each.
     fn findings(&self, tissues: &TissueTable) -> Result<Vec<String>, Failure> {
         let file = SceneFile::Given(self.out.clone());
         let found = Examination::of(file.path(), None, None, tissues, &|_, _| ())?;
         let worse = found.report.findings.iter().filter(|f| f.severity != Severity::Note);
-        // Unusual organs are due to the patient or to the labels, not to the scene.
+        // Unusual organs are due to the patient or the labels, so they are listed apart from faults of the scene.
         let (organs, scene): (Vec<_>, Vec<_>) =
             worse.partition(|f| matches!(f.defect, Defect::UnusualVolume | Defect::UnusualPosition));
         let mut lines: Vec<String> = organs.iter().map(|finding| format!("look again: {}", finding.what)).collect();

@@ -1,4 +1,4 @@
-//! `insonify scene from-labels`: a scene from a label map.
+//! `insonify scene from-labels`: makes a scene from a label map.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -129,10 +129,10 @@ fn triangles(text: &str) -> Result<usize, String> {
     value.ok_or_else(|| "expected a number, 10000..=5000000".to_owned())
 }
 
-/// Name table that is used if the user names none.
+/// Name table used without `--names`.
 const DEFAULT_NAMES: &str = "total-v2";
 
-/// The built-in table `names`, or the table in the file of this name, with the user's mappings.
+/// Loads the built-in table or the table file called `names`, and adds the user's mappings.
 fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
     let called = names.unwrap_or(DEFAULT_NAMES);
     let is_file = called.ends_with(".toml");
@@ -143,7 +143,7 @@ fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
     Ok(NameTable { table, called: called.to_owned(), is_chosen: names.is_some() })
 }
 
-/// Labels with their names, measures by layer and label, files that were left out, and remarks.
+/// Labels with their names, measures of each label (by layer and number), omitted files, and remarks.
 struct Read {
     labels: LabelMap,
     measures: BTreeMap<(usize, u16), Measure>,
@@ -151,7 +151,7 @@ struct Read {
     remarks: Vec<String>,
 }
 
-/// File names without suffixes that may serve as names of labels: those of the masks in folders, and of a label map.
+/// File names without suffixes that may be names of labels: of the masks in folders, or of a label map.
 fn stems(args: &Args) -> Vec<String> {
     let mut stems = Vec::new();
     for path in [Some(&args.labels), args.body.as_ref()].into_iter().flatten() {
@@ -164,7 +164,7 @@ fn stems(args: &Args) -> Vec<String> {
     stems
 }
 
-/// Reads the label map or folder, and checks whether its organs are possible in a human.
+/// Reads the label map or the folder of masks, and checks whether its organs are possible in a human.
 fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progress) -> Result<Read, Failure> {
     let (read, from) = if args.labels.is_dir() {
         let done = |done: usize, of: usize| progress.set(5 * done / of.max(1), 100);

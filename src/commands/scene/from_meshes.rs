@@ -1,4 +1,4 @@
-//! `insonify scene from-meshes`: a scene from meshes of organs.
+//! `insonify scene from-meshes`: makes a scene from meshes of organs.
 
 use std::path::{Path, PathBuf};
 
@@ -87,19 +87,19 @@ fn axes(text: &str) -> Result<MeshAxes, String> {
     MeshAxes::named(text).ok_or_else(|| format!("expected one of {}", MeshAxes::NAMES.join(", ")))
 }
 
-/// Contents of all files.
+/// Contents of all mesh files.
 #[derive(Default)]
 struct Read {
     meshes: Vec<Meant>,
     /// Unit and axes that the files state.
     hints: FileHints,
     files: Vec<PathBuf>,
-    /// Files that don't state their axes.
+    /// Files that state no axes.
     silent: Vec<PathBuf>,
 }
 
 impl Read {
-    /// Remarks on files that state no axes, and are read with the axes of the other files.
+    /// Remarks on files that state no axes and are read in the other files' axes.
     fn remarks(&self, args: &Args) -> Vec<String> {
         let Some(axes) = self.hints.axes.filter(|_| args.axes.is_none()) else { return Vec::new() };
         let remark = |path: &PathBuf| format!("{} states no axes: taken in {axes}, as the others", path.display());
@@ -107,7 +107,7 @@ impl Read {
     }
 }
 
-/// Reads the meshes of all files with their meanings, and the unit and axes that the files state.
+/// Reads the meshes of all files and their meanings, and the unit and axes that the files state.
 fn read(args: &Args) -> Result<Read, Failure> {
     let table = ClassTable::builtin("total-v2").input()?;
     let mut all = Read::default();
@@ -129,7 +129,8 @@ fn read(args: &Args) -> Result<Read, Failure> {
     Ok(all)
 }
 
-/// Joins the statements of several files. If files differ, this is refused unless an option decides.
+/// Merges the unit and axes that the file at `path` states into `all`. If files contradict each other, an option has to
+/// decide.
 fn join(args: &Args, all: &mut FileHints, of: FileHints, path: &Path, is_first: bool) -> Result<(), Failure> {
     let path = path.display();
     if let (Some(a), Some(b)) = (all.axes, of.axes)
@@ -155,7 +156,7 @@ fn join(args: &Args, all: &mut FileHints, of: FileHints, path: &Path, is_first: 
     Ok(())
 }
 
-/// The value that is given, or else a certain guess. Otherwise the error asks for `option`.
+/// The value `given`, else a certain guess. Without either, the error asks for `option`.
 fn decided<T: Copy + std::fmt::Display>(
     given: Option<T>,
     guess: &Guess<T>,
@@ -176,21 +177,21 @@ fn decided<T: Copy + std::fmt::Display>(
     Ok(guess.value)
 }
 
-/// Plausible sizes of a body and of its smallest parts, mm.
+/// Plausible sizes of the meshes together, from a body's smallest parts to a body, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// Ratio between an organ's size and its usual size above which the unit must be wrong. If the user gives the unit,
-/// the second ratio counts, because a mesh may be a fragment.
+/// Ratios of an organ's size to its usual size above which the unit must be wrong: for a guessed unit, and for one
+/// given by the user. The second is larger, because a mesh may be a fragment.
 const OTHER_UNIT: f64 = 5.0;
 const OTHER_UNIT_GIVEN: f64 = 30.0;
 
-/// Bounds of all meshes, in the meshes' unit.
+/// Lowest and highest corner of all meshes, in the meshes' unit.
 fn bounds(meshes: &[NamedMesh]) -> (DVec3, DVec3) {
     let points = meshes.iter().flat_map(|mesh| &mesh.vertices);
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)))
 }
 
-/// Refuses meshes that can't be parts of a body in `unit`. Organs of unusual size become remarks.
+/// Refuses meshes that can't be parts of a body in `unit`. Organs of unusual size only give a remark.
 fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<String>) -> Result<(), Failure> {
     let (low, high) = bounds(meshes);
     let size_mm = (high - low).max_element() * unit.mm();
@@ -230,11 +231,11 @@ fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<S
     Ok(())
 }
 
-/// Largest coordinate of a scene, mm.
+/// Largest distance of a scene's points from the origin along an axis, mm.
 const FARTHEST_MM: f64 = 1e5;
 
-/// Shift in `unit` that moves all meshes to the origin, if the user wants it. Meshes beyond the reach of a scene are
-/// refused.
+/// Shift in `unit` that moves all meshes to the origin, if the user asks for it, else zero. Without a shift, meshes too
+/// far from the origin are refused.
 fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String>) -> Result<DVec3, Failure> {
     let (low, high) = bounds(meshes);
     let centre = 0.5 * (low + high);
@@ -257,7 +258,7 @@ fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String
     Ok(DVec3::ZERO)
 }
 
-/// Refuses axes of a file if the positions of the organs contradict them. Axes given by the user only make a remark.
+/// Refuses a file's axes if the positions of the organs contradict them. Axes given by the user only give a remark.
 fn check_axes(args: &Args, meshes: &[NamedMesh], axes: MeshAxes, remarks: &mut Vec<String>) -> Result<(), Failure> {
     let Some((other, text)) = contradiction(axes, meshes) else { return Ok(()) };
     if args.axes.is_none() {
@@ -267,8 +268,7 @@ fn check_axes(args: &Args, meshes: &[NamedMesh], axes: MeshAxes, remarks: &mut V
     Ok(())
 }
 
-/// Planes at right angles to the patient's axes at which the scan seems to end, because surfaces have flat caps
-/// there.
+/// Planes perpendicular to the patient's axes at which the scan seems to end. There, repaired surfaces have flat caps.
 fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
     let given = surfaces.iter().filter(|s| s.segment.is_some() || s.name == "skin");
     let bounds = given.filter_map(|s| s.mesh.bounds_mm());
@@ -295,7 +295,7 @@ fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    // Existing outputs are refused before any file is read; outputs that are inputs are refused after.
+    // Existing outputs are refused before any file is read; outputs that are inputs are refused afterwards.
     args.output.check(&[])?;
     let read = read(args)?;
     let mut remarks = read.remarks(args);
@@ -306,7 +306,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if given.is_empty() {
         return Err(Failure::Input(anyhow!("all meshes are ignored: there is nothing to make a scene of")));
     }
-    // Names of organs let sizes and positions be checked.
+    // Meshes with the names of their organs, whose sizes and positions can be checked.
     let named: Vec<NamedMesh> =
         given.iter().map(|g| NamedMesh { name: g.class.name.clone(), ..g.mesh.clone() }).collect();
     let unit = decided(args.units, &guess_unit(&hints, &named), "unit", "--units", &mut remarks)?;
@@ -333,10 +333,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.output.finish(source, progress)
 }
 
-/// Repaired meshes of organs, a line of text for each repair, and the reports.
+/// Repaired meshes of organs, text about each repair, and the repair reports.
 type Repaired = (Vec<OrganMesh>, Vec<String>, Vec<SurfaceRepair>);
 
-/// Repairs all meshes after `scene_mm` has moved them into the scene.
+/// Moves all meshes into the scene by `scene_mm`, then repairs them.
 fn repaired(
     args: &Args,
     given: Vec<Meant>,
@@ -367,7 +367,7 @@ fn repaired(
     Ok((organs, repairs, reports))
 }
 
-/// `name`, with a number if an organ already has this name.
+/// `name`, with a number appended if another organ already has this name.
 fn distinct(name: &str, organs: &[OrganMesh]) -> String {
     let numbered = (1..).map(|n| if n == 1 { name.to_owned() } else { format!("{name}_{n}") });
     let taken = |name: &String| organs.iter().any(|o| o.name == *name);

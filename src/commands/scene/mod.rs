@@ -1,4 +1,4 @@
-//! `insonify scene`: scenes from patients.
+//! `insonify scene`: makes scenes from patients' data, and repairs scenes.
 
 mod files;
 mod from_labels;

@@ -19,7 +19,7 @@ use super::super::{Classify, Failure};
 
 /// Largest number of B-mode views.
 const VIEWS_MAX: usize = 4;
-/// Surfaces that hide what is inside.
+/// Names of surfaces that hide the organs.
 const OUTER: [&str; 3] = ["skin", "fat", "soft_tissue"];
 const SIZE: [u32; 2] = [900, 700];
 
@@ -29,7 +29,8 @@ pub(super) struct Pictures {
     pub(super) bmode: Vec<Plate>,
 }
 
-/// Pictures of the scene from the front, from the left and onto the fan, and B-mode frames of its acoustic windows.
+/// Draws the scene from the front, from the left and at the probe's fan. Renders B-mode frames of the first view and of
+/// the standard planes.
 pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
     let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = file.parent().unwrap_or(Path::new("."));

@@ -1,4 +1,4 @@
-//! Check that organs are where they are in a human, by the axes of their meshes.
+//! Check that the axes of organ meshes put the organs at plausible positions.
 
 use anyhow::anyhow;
 use glam::DVec3;
@@ -8,7 +8,8 @@ use insonify::segmentation::mesh_files::placing::{MeshAxes, Unit};
 
 use super::super::Failure;
 
-/// Refuses axes, stated by files or guessed, with which organs lie as in no human. Mirrored meshes fit no axes.
+/// Refuses axes, stated by files or guessed, in which organs have positions that no human has. No axes fit mirrored
+/// meshes.
 pub(super) fn check_positions(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) -> Result<(), Failure> {
     let facts: Vec<OrganFact> = meshes.iter().filter_map(|mesh| fact(mesh, axes, unit)).collect();
     let is_exchanged = |aspect: Aspect| matches!(aspect, Aspect::Side | Aspect::Position);
@@ -22,7 +23,7 @@ pub(super) fn check_positions(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) 
     )))
 }
 
-/// An organ at the centre of its bounds, with an estimate of its volume.
+/// Fact about an organ for the check: centre of its bounds, and estimated volume. `None` without vertices.
 fn fact(mesh: &NamedMesh, axes: MeshAxes, unit: Unit) -> Option<OrganFact> {
     let first = *mesh.vertices.first()?;
     let (low, high) = mesh.vertices.iter().fold((first, first), |(low, high), v| (low.min(*v), high.max(*v)));

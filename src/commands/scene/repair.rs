@@ -1,4 +1,4 @@
-//! `insonify scene repair`: mends the surfaces of a scene.
+//! `insonify scene repair`: repairs the surfaces of a scene.
 
 use std::path::PathBuf;
 
