@@ -1,7 +1,7 @@
-//! Beam coordinates of a generator: resampling of a picture to scanlines × range cells, and back.
+//! Beam coordinates for generators: resampling of a picture to a grid of scanlines × range cells, and back.
 //!
-//! A grid in beam coordinates holds no pixel outside the sector and shows speckle of one size everywhere. Its number
-//! of values does not depend on the size of the picture.
+//! Such a grid has no positions outside the sector, and speckle has one size everywhere. Its number of values does not
+//! depend on the size of the picture.
 
 use rayon::prelude::*;
 
@@ -10,34 +10,35 @@ use super::manifest::{Affine, BeamGrid};
 use crate::simd::{at_least, at_most, nearest_bits, real, widened};
 use crate::transducer::ScanGeometry;
 
-/// Sum of the weights of one interpolated value.
+/// Sum of the four weights of an interpolated value.
 const PARTS: u32 = 256;
-/// Number of rows in a parallel task.
+/// Number of picture rows in a parallel task.
 const BAND: usize = 32;
-/// Number of pixels that are interpolated together.
+/// Number of pixels interpolated together.
 const LANES: usize = 64;
 
-/// Four pixels whose weighted mean is one value of the grid.
+/// Four neighbouring pixels whose weighted mean is one value of the grid.
 #[derive(Debug, Clone, Copy, Default)]
 struct Corners {
     /// Index of the first of four pixels. The others are its right neighbour and the two pixels below.
     first: u32,
-    /// Weights of the four pixels; their sum is [`PARTS`]. Pixels outside the sector have the weight 0.
+    /// Weights of the four pixels, with the sum [`PARTS`]; all 0 if no pixel is inside the sector. Pixels outside it
+    /// have the weight 0.
     weights: [u16; 4],
-    /// Offset of the pixel with the largest weight from the first pixel.
+    /// Index offset from the first pixel to the pixel with the largest weight.
     nearest: u32,
 }
 
-/// Positions in the grid from which pixels are interpolated, as arrays for vector loads.
+/// For each pixel, the grid values from which it is interpolated, and their weights. Arrays allow vector loads.
 #[derive(Debug, Clone, Default)]
 struct Cells {
-    /// First of the four values around each pixel: scanline (low 16 bits) and range cell (high 16 bits).
+    /// First of the four grid values around each pixel: scanline (low 16 bits) and range cell (high 16 bits).
     first_values: Vec<u32>,
     /// Weight of the next scanline (low 8 bits) and of the next range cell (high 8 bits), in units of 1 / [`PARTS`].
     next: Vec<u16>,
 }
 
-/// Tables that resample pictures of one geometry.
+/// Tables that resample pictures of one geometry to the grid and back.
 #[derive(Debug)]
 pub(super) struct BeamSampling {
     grid: BeamGrid,
@@ -45,10 +46,10 @@ pub(super) struct BeamSampling {
     scanlines: usize,
     cells: usize,
     to_grid: Vec<Corners>,
-    /// Positions of the pixels within [`Self::spans`], row by row.
+    /// Grid values for the pixels within [`Self::spans`], row by row.
     to_picture: Cells,
-    /// For each row: the first column in the sector, the column after the last, and the row's first entry in
-    /// `to_picture`.
+    /// For each picture row: its first column inside the sector, the column after the last, and the index of its first
+    /// entry in `to_picture`.
     spans: Vec<[usize; 3]>,
     image: Vec<u8>,
     segmentation: Vec<u8>,
@@ -57,7 +58,8 @@ pub(super) struct BeamSampling {
 }
 
 impl BeamSampling {
-    /// Computes the tables of `geometry`. This visits every pixel, so tables are kept until the geometry changes.
+    /// Computes the tables for `geometry`. This visits every pixel, so callers keep the tables until the geometry
+    /// changes.
     pub(super) fn new(grid: BeamGrid, geometry: ScanGeometry) -> Self {
         let (scanlines, cells) = (grid.scanlines as usize, grid.cells(geometry.depth_mm) as usize);
         let (width, height) = (geometry.sector.width as usize, geometry.sector.height as usize);
@@ -82,13 +84,13 @@ impl BeamSampling {
         Self { grid, geometry, scanlines, cells, to_grid, to_picture, spans, image, segmentation, attenuation, mask }
     }
 
-    /// Whether the tables belong to this grid and geometry.
+    /// Whether the tables are for this grid and geometry.
     pub(super) fn is_of(&self, grid: &BeamGrid, geometry: &ScanGeometry) -> bool {
         self.grid == *grid && self.geometry == *geometry
     }
 
-    /// The maps of `input`, resampled to the grid; empty maps stay empty. Grey levels are interpolated; other maps
-    /// take the nearest pixel.
+    /// Resamples the maps of `input` to the grid. Grey levels are interpolated; other maps take the nearest pixel.
+    /// Empty maps stay empty.
     pub(super) fn resample(&mut self, input: &Input<'_>) -> Input<'_> {
         let take = |corners: &Corners| corners.first as usize + corners.nearest as usize;
         let row = self.geometry.sector.width as usize;
@@ -123,8 +125,9 @@ impl BeamSampling {
         }
     }
 
-    /// Grey levels of the picture [height × width], rounded, 0 outside `mask`. They are interpolated from the model's
-    /// values on the grid, whose rows have the length `stride` and begin at `first`.
+    /// Writes the rounded grey levels of the picture [height × width] to `out`, 0 outside `mask`. They are interpolated
+    /// from the model's `values` on the grid, whose rows have the length `stride`; the first row begins at index
+    /// `first`.
     pub(super) fn picture(
         &self,
         values: &[f32],
@@ -160,10 +163,10 @@ impl BeamSampling {
     }
 }
 
-/// Values that a model gave on the grid. They reach at least to the last cell of the last scanline.
+/// Values on the grid that a model returned. They include the last cell of the last scanline.
 struct Model<'a> {
     values: &'a [f32],
-    /// Index of the first value, and the length of a row of values.
+    /// Index of the first value, and index distance from one row to the next.
     first: usize,
     stride: usize,
     last_line: usize,
@@ -172,7 +175,7 @@ struct Model<'a> {
 }
 
 widened! {
-    /// Pixels of a row of the picture: rounded grey levels, 0 where the mask is 0.
+    /// Interpolates the pixels of a picture row: rounded grey levels, 0 where the mask is 0.
     fn interpolate(
         model: &Model<'_>, first_values: &[u32], next: &[u16], mask: &[u8], row: &mut [u8],
     ) = interpolate_body
@@ -201,7 +204,7 @@ fn interpolate_body(model: &Model<'_>, first_values: &[u32], next: &[u16], mask:
     }
 }
 
-/// Grey levels of a group of `LANES` pixels.
+/// Interpolated grey levels of a group of `LANES` pixels.
 #[inline(always)]
 fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES]) -> [u8; LANES] {
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
@@ -256,7 +259,7 @@ fn fill<T: Send + Default + Clone>(
     });
 }
 
-/// Pixels of a picture, with the geometry of its scanlines.
+/// A picture's size and the geometry of its scanlines.
 struct Picture<'a> {
     geometry: &'a ScanGeometry,
     width: usize,
@@ -264,7 +267,8 @@ struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Four pixels around the point at `fraction` of the lateral extent and at `depth_mm`.
+    /// Pixels around the point at `depth_mm` and at `fraction` (0 to 1) of the lateral extent. All weights are 0
+    /// outside the sector.
     fn corners(&self, fraction: f64, depth_mm: f64) -> Corners {
         if depth_mm >= self.geometry.depth_mm {
             return Corners::default();
@@ -287,7 +291,7 @@ impl Picture<'_> {
             *weight = if inside { (f64::from(PARTS) * share / shown).round() as u16 } else { 0 };
         }
         let heaviest = (0..4).max_by_key(|&i| weights[i]).unwrap_or(0);
-        // The largest weight takes the rounding error of the sum.
+        // The largest weight absorbs the rounding error of the sum.
         let others: u16 = weights.iter().sum::<u16>() - weights[heaviest];
         weights[heaviest] = PARTS as u16 - others;
         let (right, below) = offsets[heaviest];
@@ -295,8 +299,8 @@ impl Picture<'_> {
         Corners { first: top * width + left, weights, nearest: below * width + right }
     }
 
-    /// First column of a row that is in the sector, and an entry of [`Cells`] (position and weights) for each pixel
-    /// from there to the sector's end.
+    /// First column of a picture row inside the sector, and an entry of [`Cells`] (position and weights) for each pixel
+    /// from there to the last one inside.
     fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<(u32, u16)>) {
         let beam = |column: usize| self.geometry.beam_at(column as u32, row as u32);
         let Some(first) = (0..self.width).find(|&column| beam(column).is_some()) else {
@@ -309,7 +313,7 @@ impl Picture<'_> {
             (parts / PARTS, (parts % PARTS) as u16)
         };
         let cell = |column: usize| {
-            // A gap in the row, below the arc of the face, is outside the mask.
+            // Pixels outside the sector within the row, below the arc of the face, are outside the mask.
             let Some((fraction, depth_mm)) = beam(column) else { return (0, 0) };
             let (scanline, x) = split(fraction * scanlines as f64 - 0.5, scanlines);
             let (cell, y) = split(depth_mm / grid.cell_mm - 0.5, cells);

@@ -1,4 +1,4 @@
-//! Device of each execution provider.
+//! Device that each execution provider uses.
 
 use std::path::Path;
 
@@ -8,7 +8,8 @@ use crate::render::{ComputeDevice, NVIDIA, PciAddress};
 /// Folder in which NVIDIA's driver for Linux lists its GPUs, one entry each, by their addresses.
 const NVIDIA_GPUS: &str = "/proc/driver/nvidia/gpus";
 
-/// Device that runs the models of `provider`. CUDA takes its first GPU, whose address is known only if there is a single one.
+/// Device that runs models with `provider`. CUDA takes the first GPU; its address is known only if there is a single
+/// one.
 pub(crate) fn compute_device_of(provider: Provider) -> ComputeDevice {
     match provider {
         Provider::Cpu => ComputeDevice::Processors,
@@ -18,7 +19,7 @@ pub(crate) fn compute_device_of(provider: Provider) -> ComputeDevice {
     }
 }
 
-/// Address of the only GPU that `folder` lists; `None` if there are several or none.
+/// Address of the only GPU listed in `folder`; `None` if there are none or several.
 fn only_gpu(folder: &Path) -> Option<PciAddress> {
     let mut entries = std::fs::read_dir(folder).ok()?.flatten();
     let only = entries.next()?;

@@ -7,13 +7,13 @@ use thiserror::Error;
 use super::{Precision, Provider};
 use crate::files::FileError;
 
-/// Oldest minor version of ONNX Runtime 1 that generators can use.
+/// Oldest minor version of ONNX Runtime 1 that generators can use: 1.24.
 pub(super) const ONNX_RUNTIME_MINOR: u32 = 24;
 
 /// Failure to find or load ONNX Runtime.
 #[derive(Debug, Error)]
 pub enum RuntimeError {
-    /// The build has no generators.
+    /// This build has no support for generators.
     #[error("insonify was built without the feature `generator`, which generators need; build it with that feature")]
     NotBuilt,
     /// No library was found in the usual folders.
@@ -41,7 +41,7 @@ pub enum RuntimeError {
         ONNX_RUNTIME_MINOR
     )]
     Unusable {
-        /// Library.
+        /// Path of the library.
         path: PathBuf,
         /// Cause.
         reason: String,
@@ -61,15 +61,15 @@ pub enum GeneratorError {
     /// A manifest that cannot be used.
     #[error("generator manifest {path}: {reason}")]
     Manifest {
-        /// Manifest.
+        /// Path of the manifest.
         path: PathBuf,
-        /// Fault, and the expected value.
+        /// Description of the fault, and of the expected value.
         reason: String,
     },
-    /// The model's SHA-256 differs from the manifest's.
+    /// The SHA-256 of a model's file differs from the manifest's.
     #[error("{path} has sha256 {found}; its manifest is of a model with {expected}")]
     Sha256 {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
         /// SHA-256 in the manifest.
         expected: String,
@@ -82,7 +82,7 @@ pub enum GeneratorError {
          (ORT_DYLIB_PATH)"
     )]
     Provider {
-        /// Provider that was requested.
+        /// The requested provider.
         provider: Provider,
         /// Message of ONNX Runtime.
         reason: String,
@@ -90,18 +90,18 @@ pub enum GeneratorError {
     /// ONNX Runtime refuses the model.
     #[error("ONNX Runtime cannot use {path}: {reason}")]
     Model {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
         /// Message of ONNX Runtime.
         reason: String,
     },
-    /// The model's weights lie in other files, which the manifest's hash doesn't cover.
+    /// The model's weights lie in other files, which the hash in the manifest doesn't cover.
     #[error(
         "{path} keeps its weights in {files}, and a generator is one file, so that its hash covers all of it; save it as \
          one: `torch.onnx.export(..., external_data=False)`, or `onnx.save(onnx.load(path), path)` with the Python package onnx"
     )]
     ExternalWeights {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
         /// Names of the other files.
         files: String,
@@ -109,9 +109,9 @@ pub enum GeneratorError {
     /// The model has no file for the requested precision.
     #[error("{path} has no `{precision}`: its manifest names no such [[precision]]; use auto or float32")]
     NoPrecision {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
-        /// Precision that was requested.
+        /// The requested precision.
         precision: Precision,
     },
     /// The processor has no float16 arithmetic for models.
@@ -119,31 +119,31 @@ pub enum GeneratorError {
         "{path} cannot run in float16 on the processor; use auto, float32 or int8, or the provider cuda or tensorrt"
     )]
     NoFloat16 {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
     },
     /// The model's tensors differ from the manifest's.
     #[error("{path} does not fit its manifest: {reason}")]
     Signature {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
-        /// Difference.
+        /// Description of the difference.
         reason: String,
     },
     /// The model has no class for a tissue of the station.
     #[error("{path} knows no class for the tissue `{tissue}`, and its manifest names none for others")]
     UnknownTissue {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
-        /// Tissue of the station.
+        /// Name of the station's tissue.
         tissue: String,
     },
     /// The parity pair cannot be read.
     #[error("parity pair of {path}: {reason}")]
     ParityPair {
-        /// Manifest.
+        /// Path of the manifest.
         path: PathBuf,
-        /// Fault.
+        /// Description of the fault.
         reason: String,
     },
     /// The model does not reproduce its parity pair on this machine.
@@ -152,22 +152,22 @@ pub enum GeneratorError {
          expected; that is {difference} grey levels off, of {tolerance} allowed"
     )]
     Parity {
-        /// Model.
+        /// Path of the model.
         path: PathBuf,
-        /// Greatest difference, grey levels.
+        /// Greatest difference from the expected grey levels.
         difference: f32,
-        /// Row of the pixel with this difference.
+        /// Row of the pixel with the greatest difference.
         row: usize,
-        /// Column of the pixel with this difference.
+        /// Column of the pixel with the greatest difference.
         column: usize,
-        /// Grey level expected at the pixel.
+        /// Expected grey level of that pixel.
         expected: f32,
-        /// Grey level found at the pixel.
+        /// Grey level that the model gave there.
         found: f32,
-        /// Difference allowed, grey levels.
+        /// Largest allowed difference, grey levels.
         tolerance: f32,
     },
-    /// A map of the input does not have the frame's size.
+    /// A map in the input doesn't have the frame's size.
     #[error("the {map} has {found} pixels; a frame of {width} x {height} has {expected}")]
     InputSize {
         /// Name of the map.
@@ -184,12 +184,12 @@ pub enum GeneratorError {
     /// The segmentation has a tissue number outside the station's table.
     #[error("the segmentation holds the number {number}; the station's tissues go to {greatest}")]
     TissueNumber {
-        /// Number found.
+        /// The tissue number found.
         number: u8,
-        /// Greatest number in the table.
+        /// Greatest tissue number of the station's table.
         greatest: usize,
     },
-    /// The model's output is not finite everywhere. Such a picture is not shown.
+    /// The model's output contains values that are not finite, so the picture is not shown.
     #[error("generator `{name}`: {count} values of its output are not finite, the first at row {row}, column {column}")]
     NotFinite {
         /// Name of the generator.

@@ -1,16 +1,16 @@
-//! Detection of model weights in files other than the `.onnx` file.
+//! Detection of models whose weights lie in files other than the `.onnx` file.
 //!
 //! A tensor of an ONNX model may name another file that holds its values: field `external_data` of `TensorProto`
-//! (onnx.proto). Exporters use this for large models; PyTorch's exporter uses it for all models since version 2.6.
+//! (onnx.proto). Exporters use this for large models, and PyTorch's exporter since version 2.6 for all models.
 
 use std::path::Path;
 
 use super::GeneratorError;
 
-/// Largest nesting of messages that is read. Graphs of control flow are nested.
+/// Largest nesting of messages that is read. Graphs inside control-flow operators nest.
 const DEPTH_MAX: usize = 32;
 
-/// Messages of the ONNX format that lead from a `ModelProto` to its tensors.
+/// Types of ONNX messages on the way from a `ModelProto` to its tensors.
 #[derive(Clone, Copy)]
 enum Message {
     Model,
@@ -23,7 +23,7 @@ enum Message {
 }
 
 impl Message {
-    /// Type of the message in field `number`; `None` if the field leads to no tensor.
+    /// Type of the message in field `number`; `None` if the field contains no tensors.
     fn child(self, number: u64) -> Option<Self> {
         Some(match (self, number) {
             (Self::Model, 7) => Self::Graph,
@@ -38,21 +38,21 @@ impl Message {
     }
 }
 
-/// Numbers of the field `external_data` of a `TensorProto`, and of key and value in its entries.
+/// Field numbers of `external_data` in a `TensorProto`, and of key and value in its entries.
 const EXTERNAL_DATA: u64 = 13;
 const KEY: u64 = 1;
 const VALUE: u64 = 2;
 
-/// Names of the files that hold weights of `model`, without duplicates. `model` has the bytes of an `.onnx` file. The
-/// result is empty for bytes that are no protocol buffer; ONNX Runtime refuses those.
+/// Names of the other files with weights of `model`, the bytes of an `.onnx` file, without duplicates. Bytes that are
+/// no protocol buffer give an empty list; ONNX Runtime refuses them.
 fn external_files(model: &[u8]) -> Vec<String> {
     let mut files = Vec::new();
     visit(model, Message::Model, 0, &mut files);
     files
 }
 
-/// Refuses a model at `path` whose weights are in other files. The model's hash doesn't cover them. ONNX Runtime
-/// would search them in the current folder, because it is given only the model's bytes.
+/// Refuses the model at `path` if its weights lie in other files, which its hash doesn't cover. ONNX Runtime gets only
+/// the model's bytes and would search such files in the current folder.
 pub(super) fn check_one_file(path: &Path, model: &[u8]) -> Result<(), GeneratorError> {
     let files = external_files(model);
     if files.is_empty() {
@@ -79,8 +79,8 @@ fn visit(bytes: &[u8], message: Message, depth: usize, files: &mut Vec<String>) 
     }
 }
 
-/// Length-delimited fields of a protocol buffer message. They end with the message, or at the first byte that begins
-/// no valid field.
+/// Iterator over the length-delimited fields of a protocol buffer message. It ends with the message, or at the first
+/// invalid field.
 struct Fields<'a> {
     rest: &'a [u8],
 }
@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// Encodes a length-delimited field.
+    /// Encodes a length-delimited field of a message.
     fn field(number: u8, content: &[u8]) -> Vec<u8> {
         assert!(content.len() < 128 * 128);
         let tag = u16::from(number) << 3 | 2;
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn weights_within_the_file_and_metadata_called_location_are_not_external() {
         let inside = field(7, &field(5, &field(9, b"\x00\x01\x02\x03")));
-        // ModelProto.metadata_props.
+        // `ModelProto.metadata_props` has entries of the same form, but names no files.
         let metadata = field(14, &[field(1, b"location"), field(2, b"Zurich")].concat());
         assert!(external_files(&[inside, metadata].concat()).is_empty());
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Range to which grey levels are scaled in the input tensor.
+/// Range to which grey levels are scaled for a feature extractor's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureScale {
     /// −1..=1, the range of Inception v3.

@@ -1,4 +1,4 @@
-//! Feature vectors of images from any ONNX model, for the Fréchet distance.
+//! Feature vectors of images, computed by any suitable ONNX model, for the Fréchet distance.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -24,9 +24,11 @@ impl FeatureScale {
     }
 }
 
-/// Feature extractor that is an ONNX model. Its only input is float32 [1, 1 or 3, side, side] with the grey level in
-/// every channel; if the model leaves the side open, it is 299. Its first output is float32 [1, d], or [1, d, …],
-/// which is averaged over the trailing dimensions. Inception v3 without its last layer is such a model.
+/// Feature extractor with an ONNX model, such as Inception v3 without its last layer.
+///
+/// The only input is float32 [1, 1 or 3, side, side], with the grey level in every channel. If the model leaves the
+/// side open, it is 299. The first output is float32 [1, d], or [1, d, …], which is averaged over the trailing
+/// dimensions.
 pub struct OnnxFeatures {
     name: String,
     path: PathBuf,
@@ -53,13 +55,15 @@ impl OnnxFeatures {
         Self::of_model(stem, path, &model, runtime, scale)
     }
 
-    /// The built-in network `texture64`: 64 fixed texture statistics of a crop of 256 × 256; nothing is learnt. They
-    /// are means and deviations of the magnitudes of Gabor filters of 4 octaves and 4 orientations, and correlations
-    /// (after Portilla and Simoncelli, IJCV 2000). `training/make_features.py` writes the network and documents each
-    /// statistic. A distance over these features is no FID.
+    /// Loads the built-in network `texture64`, which computes 64 fixed texture statistics of a crop of 256 × 256.
+    /// Nothing in it is learnt. The statistics are means and deviations of the magnitudes of Gabor filters of 4 octaves
+    /// and 4 orientations, and correlations (after Portilla and Simoncelli, IJCV 2000).
+    ///
+    /// `training/make_features.py` writes the network and documents each statistic. A distance over these features is
+    /// no FID.
     ///
     /// # Errors
-    /// ONNX Runtime refuses it.
+    /// ONNX Runtime refuses the network.
     pub fn texture64(runtime: &Runtime) -> Result<Self, GeneratorError> {
         let path = Path::new("assets/quality/texture64.onnx");
         Self::of_model("texture64".to_owned(), path, TEXTURE64, runtime, FeatureScale::Unit)
@@ -118,7 +122,7 @@ impl FeatureExtractor for OnnxFeatures {
     }
 }
 
-/// Number of channels, and side in pixels, of the input.
+/// Number of channels of the model's input, and its side in pixels.
 fn signature(session: &Session) -> Result<(usize, usize), String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a feature extractor has one", session.inputs().len()));
@@ -141,7 +145,7 @@ fn sides(input: &Outlet) -> Option<(usize, usize)> {
         3 | -1 => 3,
         _ => return None,
     };
-    // -1 is a dimension that the model leaves open.
+    // −1 stands for a dimension that the model leaves open.
     let side = match (height, width) {
         (-1, -1) => CROP,
         (side, -1) | (-1, side) => usize::try_from(side).ok()?,

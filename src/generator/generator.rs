@@ -1,4 +1,4 @@
-//! One generator: a model with its manifest, and the translation of frames by it.
+//! A generator: a model with its manifest, which translates frames.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -18,7 +18,7 @@ use crate::files::{self, FileError, FileKind};
 use crate::render::{ComputeDevice, Frame};
 use crate::transducer::{Probe, ScanGeometry};
 
-/// One generator, ready to run. It keeps its tensors, so runs of the same size allocate nothing.
+/// A generator, ready to run. It keeps its tensors, so runs of one size allocate nothing.
 pub struct Generator {
     path: PathBuf,
     manifest: Manifest,
@@ -27,9 +27,9 @@ pub struct Generator {
     session: Session,
     provider: Provider,
     precision: Precision,
-    /// Resampling tables for the last geometry, if the model is in beam coordinates.
+    /// Resampling tables for the geometry of the last run, if the model works in beam coordinates.
     sampling: Option<BeamSampling>,
-    /// Grey levels on the grid, if the model is in beam coordinates and its output is uint8.
+    /// Grey levels on the beam grid, if the model works in beam coordinates and its output is uint8.
     grid_levels: Vec<f32>,
 }
 
@@ -42,8 +42,8 @@ impl std::fmt::Debug for Generator {
 }
 
 impl Generator {
-    /// Loads the model at `path` with its manifest, and runs its parity pair. If [`Precision::Auto`] chose a
-    /// precision that is then refused, float32 replaces it, with a warning.
+    /// Loads the model at `path` with its manifest, and runs its parity pair (an input with its expected output). If
+    /// [`Precision::Auto`] chooses a precision that is refused, float32 replaces it, with a warning.
     ///
     /// # Errors
     /// Files that cannot be read or contradict each other, a provider or a precision that is not available, a model that ONNX
@@ -54,7 +54,7 @@ impl Generator {
         let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
         let precision = stored.precision;
         match Self::open(path, manifest.clone(), stored, runtime, options) {
-            // Without the provider, float32 doesn't run either.
+            // If the provider is missing, float32 can't run either.
             Err(error) if may_give_way && !matches!(error, GeneratorError::Provider { .. }) => {
                 tracing::warn!("{precision} is refused, float32 runs instead: {error}");
             }
@@ -64,7 +64,7 @@ impl Generator {
         Self::open(path, manifest, stored, runtime, options)
     }
 
-    /// Opens the model in one precision, and runs its parity pair.
+    /// Opens the model's file of one precision, and runs its parity pair.
     fn open(
         path: &Path,
         manifest: Manifest,
@@ -103,7 +103,7 @@ impl Generator {
         Ok(generator)
     }
 
-    /// Translates a whole frame into `out` [height × width]: grey levels, 0 outside the sector.
+    /// Translates a whole frame into grey levels `out` [height × width], 0 outside the sector.
     ///
     /// # Errors
     /// Maps of the wrong size, unknown tissue numbers, a model in beam coordinates without [`Input::scan`], a run
@@ -119,7 +119,7 @@ impl Generator {
         Ok(())
     }
 
-    /// Does the work of [`Self::run`] for a model in beam coordinates.
+    /// Does [`Self::run`] for a model in beam coordinates.
     fn run_on(&mut self, grid: &BeamGrid, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
         input.check(&self.manifest)?;
         let (width, height) = (input.width, input.height);
@@ -130,7 +130,7 @@ impl Generator {
         let affine = self.output_affine();
         let kept = self.sampling.take().filter(|sampling| sampling.is_of(grid, &scan));
         let mut sampling = kept.unwrap_or_else(|| BeamSampling::new(*grid, scan));
-        // Maps that the model doesn't take need not be resampled.
+        // Maps that the model doesn't take are not resampled.
         let manifest = &self.manifest;
         let taken = Input {
             segmentation: if manifest.takes(Channel::Segmentation) { input.segmentation } else { &[] },
@@ -164,7 +164,7 @@ impl Generator {
         let frame = Frame {
             width,
             height,
-            // Varying levels below white.
+            // Grey levels vary, and stay below white.
             bmode: (0..pixels).map(|i| (i % 199) as u8).collect(),
             segmentation: vec![0; pixels],
             attenuation: vec![0.5; pixels],
@@ -193,12 +193,12 @@ impl Generator {
         &self.path
     }
 
-    /// Execution provider.
+    /// Execution provider that runs the model.
     pub fn provider(&self) -> Provider {
         self.provider
     }
 
-    /// Device that computes its runs.
+    /// Device that runs the model.
     pub fn compute_device(&self) -> ComputeDevice {
         compute_device_of(self.provider)
     }
@@ -228,7 +228,7 @@ impl Generator {
         Affine::new(self.manifest.output.scale, self.manifest.output.offset)
     }
 
-    /// Runs the model and returns its output, which is finite throughout the field of view.
+    /// Runs the model and returns its output. All values in the field of view are finite.
     fn infer(&mut self, input: &Input) -> Result<(Values<'_>, Geometry), GeneratorError> {
         input.check(&self.manifest)?;
         let name = &self.manifest.name;

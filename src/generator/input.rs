@@ -5,17 +5,17 @@ use super::manifest::{Channel, Manifest};
 use crate::render::Frame;
 use crate::transducer::ScanGeometry;
 
-/// Maps of one frame, row-major; the first row is the nearest to the probe. Maps that the model does not take
+/// Maps of one frame, row by row; the first row is the nearest to the probe. Maps that the model does not take
 /// ([`Manifest::takes`]) are not read and may be empty. The mask must not be empty.
 #[derive(Debug, Clone, Copy)]
 pub struct Input<'a> {
-    /// Width, pixels.
+    /// Width of the frame, pixels.
     pub width: u32,
-    /// Height, pixels.
+    /// Height of the frame, pixels.
     pub height: u32,
     /// Grey levels [height × width].
     pub image: &'a [u8],
-    /// Tissue numbers [height × width]: a tissue's index in the station's table plus 1; 0 outside the sector.
+    /// Tissue numbers [height × width]: the index of the tissue in the station's table plus 1, or 0 outside the sector.
     pub segmentation: &'a [u8],
     /// One-way attenuation divided by its 98th percentile, 0..=1 [height × width].
     pub attenuation: &'a [f32],
@@ -40,7 +40,7 @@ impl<'a> From<&'a Frame> for Input<'a> {
 }
 
 impl Input<'_> {
-    /// Checks that the maps that the model takes have the frame's size.
+    /// Checks that all maps taken by the model have the frame's size.
     pub(super) fn check(&self, manifest: &Manifest) -> Result<(), GeneratorError> {
         let (width, height) = (self.width, self.height);
         let expected = width as usize * height as usize;

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use super::{Generator, GeneratorError, LoadOptions, Runtime, RuntimeError, Settings};
 
-/// A model that can't be used, and the reason.
+/// A model that can't be used, with the reason.
 #[derive(Debug)]
 pub struct RefusedModel {
-    /// Model.
+    /// Path of the model.
     pub path: PathBuf,
-    /// Cause.
+    /// Reason for the refusal.
     pub error: GeneratorError,
 }
 

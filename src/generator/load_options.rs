@@ -5,7 +5,7 @@ use super::{Precision, Provider};
 /// Options for loading a model.
 #[derive(Debug, Clone, Default)]
 pub struct LoadOptions<'a> {
-    /// Execution provider.
+    /// Execution provider that runs the model.
     pub provider: Provider,
     /// Number of threads of one run; 0 for one thread per processor core.
     pub threads: u32,
@@ -15,13 +15,13 @@ pub struct LoadOptions<'a> {
     pub tissues: &'a [String],
 }
 
-/// Execution of a model by ONNX Runtime, after all choices are made.
+/// How ONNX Runtime executes a model, after all choices are made.
 #[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions read it"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Execution<'a> {
-    /// Provider.
+    /// Execution provider.
     pub(super) provider: Provider,
-    /// Precision that was chosen.
+    /// Chosen precision; never `Auto`.
     pub(super) precision: Precision,
     /// Number of threads of one run, at least 1.
     pub(super) threads: usize,

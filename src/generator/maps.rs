@@ -9,11 +9,11 @@ use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
 use super::tensor_values::{Element, Planes, Values};
 use super::{Channel, GeneratorError, Input};
 
-/// Number of rows in a parallel task. The runtime's threads are idle during these tasks.
+/// Number of rows in a parallel task. ONNX Runtime's threads are idle meanwhile.
 const BAND: usize = 64;
 
-/// Size of a field of view and of its padded planes. The field is centred; an odd pixel of padding is at the right or
-/// below.
+/// Size of a field of view (frame, or beam grid) and of the padded tensor planes around it. The field of view is
+/// centred; an odd pixel of padding is at the right or below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Geometry {
     pub(super) width: usize,
@@ -37,22 +37,22 @@ impl Geometry {
         self.padded_width * self.padded_height
     }
 
-    /// Number of padding columns at the left.
+    /// Number of padding columns to the left.
     fn left(&self) -> usize {
         (self.padded_width - self.width) / 2
     }
 
-    /// Index of the first value of the field of view in a padded plane.
+    /// Index of the field of view's first value in a padded plane.
     pub(super) fn first(&self) -> usize {
         self.above() + self.left()
     }
 
-    /// Number of values in a padded plane above the field of view.
+    /// Number of values in a padded plane before the rows of the field of view.
     fn above(&self) -> usize {
         (self.padded_height - self.height) / 2 * self.padded_width
     }
 
-    /// Number of values in a padded plane in the rows of the field of view.
+    /// Number of values in the rows of a padded plane that hold the field of view, padding included.
     fn within(&self) -> usize {
         self.height * self.padded_width
     }
@@ -61,23 +61,23 @@ impl Geometry {
 /// Name of the class for the area outside the sector.
 const OUTSIDE: &str = "outside";
 
-/// Class of each tissue number.
+/// Class index of each tissue number.
 #[derive(Debug, Clone)]
 pub(super) struct ClassMap {
     class: [u8; 256],
     greatest: usize,
-    /// Class of the area outside the sector.
+    /// Class index of the area outside the sector.
     outside: u8,
 }
 
 impl ClassMap {
-    /// The identity, for a parity pair: its numbers are classes already.
+    /// Map of each class index to itself, for a parity pair, which holds classes instead of tissues.
     pub(super) fn identity(manifest: &SegmentationManifest) -> Self {
         let outside = manifest.class_of(OUTSIDE).unwrap_or_default() as u8;
         Self { class: std::array::from_fn(|i| i as u8), greatest: manifest.classes.len().saturating_sub(1), outside }
     }
 
-    /// Classes of a station's tissues. Number 0 is outside, number i + 1 is `tissues[i]`.
+    /// Class indices of a station's tissues. Number 0 is the outside, number i + 1 is `tissues[i]`.
     pub(super) fn of_tissues(
         manifest: &SegmentationManifest,
         tissues: &[String],
@@ -95,8 +95,8 @@ impl ClassMap {
     }
 }
 
-/// Fills the input tensor from the maps of a frame. As in training, padding has the values of pixels outside the
-/// sector: level, mask and attenuation 0, class `outside`.
+/// Fills the input tensor with the maps of a frame. As in training, padding equals pixels outside the sector: level,
+/// mask and attenuation 0, class `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
@@ -151,7 +151,7 @@ fn fill_with<E: Element>(
                 let [outside, inside] = [false, true].map(|inside| E::of_mask(inside, affine));
                 plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
-            // `Generator` makes a class map for every segmentation that the manifest names.
+            // Segmentation never reaches this: `Generator` makes a class map whenever the manifest has one.
             (Channel::Image | Channel::Segmentation, ..) => {
                 plane(planes.next(), geometry, input.image, E::of_level(0, affine), |x| E::of_level(x, affine));
             }
@@ -160,7 +160,7 @@ fn fill_with<E: Element>(
     Ok(())
 }
 
-/// Fills one channel; the padding around the field of view is set to `outside`.
+/// Fills one channel of the tensor with the converted values of a map. The padding gets the value `outside`.
 fn plane<T: Copy + Sync, E: Element>(
     plane: Option<&mut [E]>,
     geometry: &Geometry,
@@ -187,23 +187,23 @@ fn plane<T: Copy + Sync, E: Element>(
     below.fill(outside);
 }
 
-/// Rows of a padded plane that hold the field of view, and its range of columns in each row.
+/// The rows of a padded plane that hold the field of view, and its columns in each of these rows.
 fn padded_rows<'a, T>(output: &'a [T], geometry: &Geometry) -> (&'a [T], Range<usize>) {
     let left = geometry.left();
     (&output[geometry.above()..geometry.above() + geometry.within()], left..left + geometry.width)
 }
 
-/// Rows of the output, cut to the field of view.
+/// Rows of the output, without the padding.
 fn rows<'a, T>(output: &'a [T], geometry: &Geometry) -> impl Iterator<Item = &'a [T]> {
     let (rows, columns) = padded_rows(output, geometry);
     rows.chunks_exact(geometry.padded_width).map(move |row| &row[columns.clone()])
 }
 
-/// Row and column of the first non-finite value, and the number of such values. `None` if all values are finite;
-/// bytes always are.
+/// Row and column of the first non-finite value in the field of view, and the number of such values. `None` if all are
+/// finite, as bytes always are.
 pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usize, usize, usize)> {
     let Values::Floats(output) = output else { return None };
-    // Tests the exponent without a branch. Only broken models give non-finite values.
+    // Tests the exponent, without a branch. Only broken models give such values.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
     let (padded, columns) = padded_rows(output, geometry);
@@ -215,11 +215,11 @@ pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usi
     Some((row, column, count))
 }
 
-/// Grey levels of the output, rounded; 0 outside the mask.
+/// Writes the rounded grey levels of the output to `out`; 0 outside the mask.
 pub(super) fn quantise(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
     match output {
-        // Adding 2^23 rounds to a whole number in the lowest bits; a cast would cost a branch.
+        // Adding 2^23 leaves the rounded value in the lowest bits. A cast would need a branch.
         Values::Floats(output) => masked(output, mask, geometry, out, |value| {
             ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8
         }),
@@ -227,7 +227,7 @@ pub(super) fn quantise(output: Values<'_>, affine: Affine, mask: &[u8], geometry
     }
 }
 
-/// Grey level of each pixel of the field of view; 0 outside the mask.
+/// Writes the grey level of each pixel of the field of view to `out`; 0 outside the mask.
 fn masked<T: Copy + Sync>(
     output: &[T],
     mask: &[u8],
@@ -251,8 +251,7 @@ fn masked<T: Copy + Sync>(
     });
 }
 
-/// Grey levels of the output, clipped to 0..=255; 0 outside the mask. They are not rounded, unless the model itself
-/// rounds.
+/// Grey levels of the output, clipped to 0..=255; 0 outside the mask. They are not rounded, except by the model.
 pub(super) fn levels(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry) -> Vec<f32> {
     let level = |v: f32| ((v * affine.scale + affine.offset) * 255.0).clamp(0.0, 255.0);
     let inside = |(level, inside): (f32, &u8)| if *inside > 0 { level } else { 0.0 };
@@ -281,7 +280,7 @@ mod tests {
             let segmentation = manifest.segmentation.as_ref().unwrap();
             let of_station = ClassMap::of_tissues(segmentation, &tissues, Path::new("")).unwrap();
             for (classes, number) in [(of_station, 0), (ClassMap::identity(segmentation), 1)] {
-                // A frame that is entirely outside the sector looks like its padding.
+                // A frame entirely outside the sector equals its padding.
                 let input = Input {
                     width: 3,
                     height: 2,
@@ -304,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_field_of_view_lies_amid_what_is_outside() {
-        // Padding of three columns, an odd number, and of two rows.
+        // Padding of three columns (an odd number) and of two rows.
         let geometry = Geometry::new(1, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
         plane(Some(&mut tensor), &geometry, &[1u8, 2], 9.0, f32::from);
@@ -407,7 +406,7 @@ mod tests {
         output[3] = f32::NAN;
         output[15] = f32::INFINITY;
         assert_eq!(not_finite(Values::Floats(&output), &geometry), None);
-        // The field of view is the second and the third row.
+        // The field of view is in the second and third row.
         output[10] = f32::NEG_INFINITY;
         output[9] = f32::NAN;
         assert_eq!(not_finite(Values::Floats(&output), &geometry), Some((1, 1, 2)));

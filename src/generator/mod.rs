@@ -1,14 +1,15 @@
 //! Generators: ONNX models that give a rendered frame the appearance of a better one.
 //!
-//! A generator is an `.onnx` file with a [`Manifest`] next to it. [`Generator::load`] checks both, runs the bundled
-//! parity pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the
-//! whole field of view. Its steps: normalise, pad to the model's multiple, infer, crop, clear pixels outside the
-//! sector, round to grey levels. A model in beam coordinates ([`BeamGrid`]) has scanlines × range cells as input and
-//! output; the picture is resampled before and after it.
+//! A generator is an `.onnx` file with a [`Manifest`] next to it. [`Generator::load`] checks both. It runs the bundled
+//! parity pair on this machine, and refuses a model that does not reproduce it.
 //!
-//! The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's library, or
-//! without the feature `generator`, [`Runtime::get`] returns an error that names the remedy. Rendering works without
-//! it.
+//! [`Generator::run`] translates the whole field of view: it normalises, pads to the model's multiple, infers, crops,
+//! clears pixels outside the sector, and rounds to grey levels. A model in beam coordinates ([`BeamGrid`]) has
+//! scanlines × range cells as input and output; the picture is resampled before and after.
+//!
+//! The controller of operating points in the pipeline chooses which generator runs. Without ONNX Runtime's library, or
+//! without the feature `generator`, [`Runtime::get`] returns an error that names the remedy; rendering works all the
+//! same.
 
 mod beam_sampling;
 mod compute_device;

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{FeatureScale, GeneratorError, Runtime, RuntimeError};
 use crate::quality::{FeatureExtractor, QualityError};
 
-/// Stand-in for the feature extractor, of which no value exists.
+/// Stand-in for the feature extractor. It has no values.
 #[derive(Debug)]
 pub struct OnnxFeatures(Infallible);
 
@@ -19,7 +19,7 @@ impl OnnxFeatures {
         Err(RuntimeError::NotBuilt.into())
     }
 
-    /// The built-in network `texture64`.
+    /// Loads the built-in network `texture64`.
     ///
     /// # Errors
     /// Always: the build lacks the feature `generator`.

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use super::RuntimeError;
 
-/// Stand-in for ONNX Runtime, of which no value exists.
+/// Stand-in for ONNX Runtime. It has no values.
 #[derive(Debug)]
 pub struct Runtime(Infallible);
 
 impl Runtime {
-    /// The runtime.
+    /// Loads the runtime.
     ///
     /// # Errors
     /// Always: the build lacks the feature `generator`.
@@ -18,7 +18,7 @@ impl Runtime {
         Err(RuntimeError::NotBuilt)
     }
 
-    /// Library file that was loaded.
+    /// Path of the loaded library.
     pub fn library(&self) -> &Path {
         match self.0 {}
     }

@@ -8,7 +8,7 @@ use super::maps::Geometry;
 use super::tensor_values::{Planes, Values};
 use super::{GeneratorError, Manifest, Runtime, RuntimeError};
 
-/// Stops a run from another thread.
+/// Handle that stops a run from another thread.
 #[derive(Debug, Clone)]
 pub struct Terminator(Infallible);
 
@@ -37,7 +37,7 @@ pub(super) enum RunFailure {
     Failed(String),
 }
 
-/// Stand-in for a session of one model, of which no value exists.
+/// Stand-in for the session of a model. It has no values.
 pub(super) struct Session(Infallible);
 
 impl Session {

@@ -1,4 +1,4 @@
-//! Parity check: a model must reproduce its recorded output on this machine.
+//! Parity check: a model has to reproduce a recorded output on this machine.
 
 use std::fmt;
 use std::path::Path;
@@ -10,19 +10,19 @@ use super::{GeneratorError, Input};
 use crate::files::{self, FileError, FileKind};
 use crate::render::Frame;
 
-/// Largest side of a parity pair's planes, pixels.
+/// Largest side of the planes in a parity pair, pixels.
 const LARGEST: u64 = 4096;
 
 /// Result of the parity check of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ParityReport {
-    /// Greatest difference, grey levels.
+    /// Greatest difference from the expected grey levels.
     pub difference: f32,
     /// Row of the pixel with the greatest difference.
     pub row: usize,
     /// Column of the pixel with the greatest difference.
     pub column: usize,
-    /// Difference allowed, grey levels.
+    /// Largest allowed difference, grey levels.
     pub tolerance: f32,
 }
 
@@ -91,7 +91,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     if file.order() != npyz::Order::C {
         return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")).into());
     }
-    // A broken header may claim more data than the file holds.
+    // A damaged header may claim more data than the file holds.
     let promised = shape.iter().try_fold(4u64, |product, n| product.checked_mul(*n));
     if promised.is_none_or(|promised| promised > bytes.len() as u64) {
         return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")).into());

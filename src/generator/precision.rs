@@ -6,11 +6,11 @@ use super::load_options::LoadOptions;
 use super::manifest::{Manifest, ParityManifest};
 use super::{GeneratorError, Precision, Provider};
 
-/// Smallest tolerance of the parity check in float16, grey levels. Significands of 11 bits round by up to half a
+/// Lower limit of the parity check's tolerance in float16, grey levels. The 11-bit significand rounds by up to half a
 /// level in each layer.
 const FLOAT16_TOLERANCE: f32 = 1.0;
 
-/// File of a model in one precision, with its expected output and its tolerance.
+/// A model's file in one precision, with its expected parity output and tolerance.
 #[derive(Debug)]
 pub(super) struct Stored {
     pub(super) precision: Precision,
@@ -20,8 +20,8 @@ pub(super) struct Stored {
 }
 
 impl Stored {
-    /// File for the precision in `options`. [`Precision::Auto`] takes int8 where it is faster than float32, and
-    /// float16 on a GPU.
+    /// File for the precision in `options`. [`Precision::Auto`] takes int8 where it is faster than float32, float16 on
+    /// a GPU, and float32 otherwise.
     ///
     /// # Errors
     /// The model or the provider does not have the precision.
@@ -53,7 +53,7 @@ impl Stored {
         }
     }
 
-    /// The same file, computed in `precision`.
+    /// The same file, but computed in `precision`.
     fn in_precision(mut self, precision: Precision) -> Self {
         if precision == Precision::Float16 {
             self.precision = precision;
@@ -62,7 +62,7 @@ impl Stored {
         self
     }
 
-    /// The model in float32, as it was trained.
+    /// The model's file in float32, as it was trained.
     pub(super) fn as_trained(path: &Path, manifest: &Manifest) -> Self {
         Self {
             precision: Precision::Float32,

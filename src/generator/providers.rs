@@ -1,5 +1,5 @@
-//! Options of ONNX Runtime's execution providers. We have never run CUDA and TensorRT, because we lacked the
-//! hardware.
+//! Options of ONNX Runtime's execution providers. CUDA and TensorRT have never been run, because the hardware was
+//! missing.
 
 use std::path::{Path, PathBuf};
 
@@ -8,17 +8,17 @@ use ort::ep::{self, ArenaExtendStrategy, ExecutionProviderDispatch};
 use super::{Precision, Provider};
 use crate::files::cache_directory;
 
-/// Folder of TensorRT's files in the cache directory.
+/// Name of TensorRT's folder in the cache directory.
 const TENSORRT: &str = "tensorrt";
-/// Number of digits of a model's SHA-256 that name the folder of its engines.
+/// Number of digits of a model's SHA-256 that name its folder of compiled models.
 const DIGITS: usize = 16;
 
-/// Providers to request from ONNX Runtime for the model with the hash `sha256`; empty for the CPU.
+/// Execution providers to request from ONNX Runtime for the model with the hash `sha256`; empty for the CPU.
 pub(super) fn dispatch(provider: Provider, precision: Precision, sha256: &str) -> Vec<ExecutionProviderDispatch> {
     dispatch_with(provider, precision, || Cache::open(&cache_directory().join(TENSORRT), sha256))
 }
 
-/// Does the work of [`dispatch`], with the cache that `open` returns. Only TensorRT calls `open`.
+/// Does [`dispatch`] with the cache that `open` returns. Only TensorRT needs `open`.
 fn dispatch_with(
     provider: Provider,
     precision: Precision,
@@ -32,8 +32,8 @@ fn dispatch_with(
     }
 }
 
-/// Options of CUDA. Its memory grows by the requested amount instead of doubling, because the renderer needs memory,
-/// too.
+/// Options of CUDA. Its memory grows by the requested amount instead of doubling, because the renderer needs memory as
+/// well.
 fn cuda(precision: Precision) -> ep::CUDA {
     ep::CUDA::default()
         .with_device_id(0)
@@ -57,8 +57,8 @@ fn tensorrt(precision: Precision, cache: Option<&Cache>) -> ep::TensorRT {
 /// Folders in which TensorRT keeps files between starts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Cache {
-    /// Folder of compiled models. ONNX Runtime names these files by the nodes of a graph, not by its weights, so each
-    /// model has a folder of its own.
+    /// Folder of one model's compiled files. ONNX Runtime names them by the graph's nodes, not by its weights, so
+    /// models can't share a folder.
     engines: PathBuf,
     /// Folder of measured kernel times on this GPU, for all models.
     timings: PathBuf,

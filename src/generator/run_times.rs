@@ -14,13 +14,13 @@ pub struct RunTimes {
     pub width: u32,
     /// Height of the frames, pixels.
     pub height: u32,
-    /// Number of runs.
+    /// Number of timed runs.
     pub runs: usize,
-    /// Shortest time, ms.
+    /// Shortest run time, ms.
     pub min_ms: f64,
-    /// Median, ms.
+    /// Median run time, ms.
     pub p50_ms: f64,
-    /// 95th percentile, ms.
+    /// 95th percentile of the run times, ms.
     pub p95_ms: f64,
 }
 

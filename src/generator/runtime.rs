@@ -16,7 +16,7 @@ const FOLDER: &str = "third_party/onnxruntime";
 
 const _: () = assert!(ort::MINOR_VERSION == ONNX_RUNTIME_MINOR, "messages name another version");
 
-/// ONNX Runtime, one per process.
+/// The loaded ONNX Runtime, one per process.
 #[derive(Debug)]
 pub struct Runtime {
     environment: Environment,
@@ -24,14 +24,14 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// The runtime, which the first call loads. After an error the next call tries again.
+    /// Returns the runtime. The first call loads it; after an error, the next call tries again.
     ///
     /// If the environment variable `ORT_DYLIB_PATH` is set, it names the library's file. Otherwise the library is
     /// searched in `third_party/onnxruntime` of all folders above the program and of insonify's sources, then in the
     /// program's folder.
     ///
     /// # Errors
-    /// The library is not found or can't be used. The message says what to do.
+    /// The library is not found or can't be used. The message names the remedy.
     pub fn get() -> Result<&'static Self, RuntimeError> {
         static RUNTIME: OnceLock<Runtime> = OnceLock::new();
         static LOADING: Mutex<()> = Mutex::new(());
@@ -50,13 +50,13 @@ impl Runtime {
         let unusable = |reason: String| RuntimeError::Unusable { path: library.clone(), reason };
         let builder = ort::init_from(&library).map_err(|e| unusable(e.to_string()))?;
         let environment = builder.with_telemetry(false).build().map_err(|e| unusable(e.to_string()))?;
-        // The library's default log level would format every event, although most are then dropped.
+        // At the library's default log level, it would format every event, although most are then dropped.
         environment.set_log_level(LogLevel::Warning);
         tracing::debug!("ONNX Runtime is {}", library.display());
         Ok(Self { environment, library })
     }
 
-    /// Library file that was loaded.
+    /// Path of the loaded library.
     pub fn library(&self) -> &Path {
         &self.library
     }
@@ -68,7 +68,7 @@ impl Runtime {
 
 fn find() -> Result<PathBuf, RuntimeError> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
-        // A bare file name would make the loader search elsewhere, so the path is made absolute.
+        // For a bare file name the loader would search elsewhere, so the path is made absolute.
         let path = PathBuf::from(path);
         let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         return if file.is_file() { Ok(file) } else { Err(RuntimeError::NoSuchFile { path }) };
@@ -93,7 +93,7 @@ fn folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The newest library in a folder, for example `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib` or
+/// Path of the newest library in a folder, for example `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib` or
 /// `onnxruntime.dll`.
 fn library_in(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten();
@@ -106,7 +106,7 @@ fn is_library(path: &Path) -> bool {
     let Some(name) = path.file_name().and_then(|n| n.to_str()) else { return false };
     let suffix = std::env::consts::DLL_SUFFIX;
     let stem = format!("{}onnxruntime", std::env::consts::DLL_PREFIX);
-    // Excludes the libraries of providers, whose names begin alike.
+    // Excludes the libraries of execution providers, whose names begin alike.
     name.strip_prefix(&stem).is_some_and(|rest| rest.starts_with('.') && rest.contains(suffix))
 }
 

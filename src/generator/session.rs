@@ -1,4 +1,4 @@
-//! ONNX session: one model in ONNX Runtime, with tensors kept between runs.
+//! Session of ONNX Runtime for one model, with tensors kept between runs.
 
 use std::fmt;
 use std::path::Path;
@@ -18,7 +18,7 @@ use super::tensors::{Kind, Tensors};
 use super::{GeneratorError, Manifest, Provider, Runtime};
 use crate::files::hex;
 
-/// Stops a run from another thread.
+/// Handle that stops a run from another thread.
 #[derive(Clone)]
 pub struct Terminator(Arc<RunControl>);
 
@@ -35,13 +35,13 @@ impl Terminator {
         state.running.then_some(state.number)
     }
 
-    /// Stops the run in progress. The run ends with [`GeneratorError::Terminated`], after its current operation at
-    /// the latest. Returns whether there was one. Later runs are not affected.
+    /// Stops the run in progress; later runs are not affected. The run ends with [`GeneratorError::Terminated`], at the
+    /// latest after its current operation. Returns whether a run was stopped.
     pub fn terminate(&self) -> bool {
         self.stop(None)
     }
 
-    /// Stops the run with this number, if it is in progress. Returns whether it was.
+    /// Stops the run with this number if it is in progress. Returns whether it was stopped.
     pub fn terminate_run(&self, number: u64) -> bool {
         self.stop(Some(number))
     }
@@ -51,7 +51,7 @@ impl Terminator {
         if !state.running || number.is_some_and(|n| n != state.number) {
             return false;
         }
-        // Done under the lock, so that it cannot stop the next run.
+        // The lock prevents that the next run is stopped instead.
         state.stopped = self.0.options.terminate().is_ok();
         state.stopped
     }
@@ -92,7 +92,7 @@ pub(super) struct Session {
     inner: ort::session::Session,
     input_name: String,
     output_name: String,
-    /// Types of the values in the input and in the output.
+    /// Value types of the input and of the output tensor.
     kinds: [Kind; 2],
     channels: usize,
     provider: Provider,
@@ -140,7 +140,7 @@ impl Session {
         Terminator(self.control.clone())
     }
 
-    /// The input tensor, for the caller to fill. It is reallocated only if the size has changed.
+    /// The input tensor, for the caller to fill. It is reallocated only if the size changes.
     pub(super) fn input(&mut self, geometry: &Geometry) -> Result<Planes<'_>, RunFailure> {
         if self.tensors.as_ref().is_none_or(|t| t.geometry != *geometry) {
             self.tensors = None;
@@ -182,7 +182,7 @@ impl Session {
 /// Checks the SHA-256 of a model's file.
 ///
 /// # Errors
-/// The hash differs from `expected`, which the manifest has.
+/// The hash differs from `expected`, the hash in the manifest.
 pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
     let found = hex(&Sha256::digest(model));
     if found.eq_ignore_ascii_case(expected) {
@@ -191,8 +191,8 @@ pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<()
     Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
 }
 
-/// Checks the model's tensors against the manifest. Returns the types of the values in the input and in the output;
-/// the error describes the difference.
+/// Checks the model's tensors against the manifest. Returns the value types of input and output. The error describes
+/// the difference.
 fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Result<[Kind; 2], String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a generator has one", session.inputs().len()));
@@ -217,7 +217,7 @@ fn check_tensor(outlet: &Outlet, channels: usize) -> Result<Kind, String> {
     let [batch, found, height, width] = shape[..] else {
         return Err(format!("`{name}` has {} dimensions; it must have 4", shape.len()));
     };
-    // -1 is a dimension that the model leaves open.
+    // −1 stands for a dimension that the model leaves open.
     if !matches!(batch, -1 | 1) {
         return Err(format!("`{name}` has a batch of {batch}; it must be 1"));
     }

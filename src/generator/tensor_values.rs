@@ -1,14 +1,14 @@
-//! Values of a model's tensors: float32, or bytes if the model's graph contains the normalisation.
+//! Values of a model's tensors: float32, or bytes if the model's graph contains the manifest's mappings.
 
 use super::manifest::Affine;
 
-/// Input tensor [channels × padded height × padded width], to be filled.
+/// Input tensor [channels × padded height × padded width], for the caller to fill.
 #[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions make them"))]
 #[derive(Debug)]
 pub(super) enum Planes<'a> {
-    /// Values after the manifest's mappings have been applied.
+    /// Values to which the manifest's mappings have been applied.
     Floats(&'a mut [f32]),
-    /// Values of 8 bits, before the mappings.
+    /// Values of 8 bits, to which the model applies the mappings.
     Bytes(&'a mut [u8]),
 }
 
@@ -16,21 +16,21 @@ pub(super) enum Planes<'a> {
 #[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions make them"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Values<'a> {
-    /// Values before the manifest's mapping to grey levels.
+    /// Values to which the manifest's mapping to grey levels is yet to be applied.
     Floats(&'a [f32]),
     /// Grey levels.
     Bytes(&'a [u8]),
 }
 
-/// Value of an input tensor, converted from what a pixel shows.
+/// Type of a tensor's values, with the conversion from the maps' values.
 pub(super) trait Element: Copy + Send + Sync {
-    /// Value of a grey level.
+    /// Tensor value of a grey level.
     fn of_level(level: u8, affine: Affine) -> Self;
-    /// Value of a mask pixel, inside or outside the sector.
+    /// Tensor value of a mask pixel, inside or outside the sector.
     fn of_mask(inside: bool, affine: Affine) -> Self;
-    /// Value of a class: its index, or 0 or 1 in the channel of one class.
+    /// Tensor value of a class index, or of 0 or 1 in the channel of one class.
     fn of_class(class: u8, affine: Affine) -> Self;
-    /// Value of an attenuation `part`, 0..=1, to which the mapping's power was already applied.
+    /// Tensor value of an attenuation `part`, 0..=1, after the mapping's power.
     fn of_attenuation(part: f32, affine: Affine) -> Self;
 }
 

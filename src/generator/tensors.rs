@@ -1,4 +1,4 @@
-//! Tensors of a session, kept between its runs.
+//! Tensors of a session, kept between runs.
 
 use ort::memory::{AllocationDevice, Allocator, AllocatorType, MemoryInfo, MemoryType};
 use ort::session::{IoBinding, Session};
@@ -41,7 +41,7 @@ impl Kept {
     }
 }
 
-/// Input and output tensors for one size of frames.
+/// Input and output tensors for one frame size.
 pub(super) struct Tensors {
     pub(super) geometry: Geometry,
     pub(super) binding: IoBinding,
@@ -50,7 +50,7 @@ pub(super) struct Tensors {
 }
 
 impl Tensors {
-    /// Tensors of a session, bound to its input and output by name.
+    /// Allocates the tensors of a session, and binds them to its input and output by name.
     pub(super) fn new(
         session: &Session,
         provider: Provider,
@@ -72,7 +72,7 @@ impl Tensors {
         Ok(tensors)
     }
 
-    /// Binds the input. A device with its own memory copies the input at this moment.
+    /// Binds the input tensor. If the device has its own memory, this copies the input.
     pub(super) fn bind_input(&mut self, name: &str) -> Result<(), ort::Error> {
         match &self.input {
             Kept::Floats(tensor) => self.binding.bind_input(name, tensor),
@@ -88,7 +88,7 @@ impl Tensors {
         })
     }
 
-    /// The output of the last run.
+    /// The output tensor of the last run.
     pub(super) fn values(&self) -> Result<Values<'_>, ort::Error> {
         Ok(match &self.output {
             Kept::Floats(tensor) => Values::Floats(tensor.try_extract_tensor::<f32>()?.1),
@@ -97,8 +97,8 @@ impl Tensors {
     }
 }
 
-/// Allocators for the input and for the output. A GPU copies directly from and to pinned memory. Without pinned
-/// memory, the processor's memory is used.
+/// Allocators for input and output. A GPU copies directly from and to pinned memory. Without pinned memory, the
+/// processor's memory serves.
 fn allocators(session: &Session, provider: Provider) -> [Allocator; 2] {
     let pinned = |kind: MemoryType| {
         let info = MemoryInfo::new(AllocationDevice::CUDA_PINNED, 0, AllocatorType::Device, kind)?;
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn without_pinned_memory_the_processors_serves() {
         let model = include_bytes!("../../tests/data/generators/identity.onnx");
-        // Unit tests also run where `scripts/setup` did not.
+        // This unit test is skipped where `scripts/setup` didn't install the library.
         let Ok(runtime) = Runtime::get() else { return eprintln!("no ONNX Runtime: not tested") };
         let session = Session::builder(runtime.environment()).unwrap().commit_from_memory(model).unwrap();
         for provider in [Provider::Cpu, Provider::Cuda] {

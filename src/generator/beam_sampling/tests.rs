@@ -50,7 +50,7 @@ impl Maps {
     }
 }
 
-/// A picture that varies slowly.
+/// Picture whose grey level varies slowly, as a function of lateral fraction and depth.
 fn smooth(fraction: f64, depth_mm: f64) -> u8 {
     (120.0 + 60.0 * (9.0 * fraction).sin() + 40.0 * (depth_mm / 12.0).cos()).round() as u8
 }
@@ -65,8 +65,8 @@ fn the_grid_shows_the_picture_at_its_positions() {
         assert_eq!((on_grid.width, on_grid.height), (48, 100), "{kind:?}");
         for (index, (&level, &inside)) in on_grid.image.iter().zip(on_grid.mask).enumerate() {
             let (cell, scanline) = (index / 48, index % 48);
-            // At the rim a value is that of the nearest pixels inside. At the apex of a phased array, scanlines share
-            // pixels.
+            // At the sector's rim, a value comes from the nearest pixels inside. At a phased array's apex, scanlines
+            // share pixels.
             if !(12..98).contains(&cell) || !(2..46).contains(&scanline) || inside == 0 {
                 continue;
             }
@@ -102,7 +102,7 @@ fn padded_values_are_read_at_their_offsets() {
     let sampling = BeamSampling::new(GRID, geometry);
     let value = |cell: usize, scanline: usize| 0.3 + 0.004 * cell as f32 + 0.002 * scanline as f32;
     let plain: Vec<f32> = (0..100 * 48).map(|i| value(i / 48, i % 48)).collect();
-    // Padding of three rows above and five columns at the left.
+    // Padding: three rows above the grid and five columns to its left.
     let mut padded = vec![f32::NAN; 110 * 64];
     for cell in 0..100 {
         for scanline in 0..48 {
@@ -128,7 +128,7 @@ fn maps_take_the_nearest_pixel_and_empty_ones_stay_empty() {
     assert!(on_grid.segmentation.is_empty() && on_grid.attenuation.is_empty() && on_grid.image.len() == 4800);
 }
 
-/// The Rust code resamples grid planes and a picture as the training package does (training/tests/test_beam.py).
+/// The Rust code and the training package (training/tests/test_beam.py) resample grid and picture alike.
 #[test]
 fn training_resamples_alike() {
     let geometry = ScanGeometry::fit(&Probe { kind: CONVEX, ..Probe::default() }, 64, 46);

@@ -1,4 +1,4 @@
-//! Grid of a model in beam coordinates.
+//! Grid of positions for a model in beam coordinates.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeamGrid {
-    /// Number of scanlines over the sector's lateral extent, 16..=1024. It need not equal the probe's.
+    /// Number of scanlines over the sector's lateral extent, 16..=1024. It may differ from the probe's.
     pub scanlines: u32,
-    /// Length of a range cell, mm, 0.02..=2.
+    /// Length of a range cell along the scanline, mm, 0.02..=2.
     pub cell_mm: f64,
 }
 
 impl BeamGrid {
-    /// Checks the values; the error says what is wrong and what is accepted.
+    /// Checks the values. The error describes the fault and the accepted range.
     pub(super) fn check(&self) -> Result<(), String> {
         if !(16..=1024).contains(&self.scanlines) {
             return Err(format!("beam.scanlines is {}; it must be 16..=1024", self.scanlines));

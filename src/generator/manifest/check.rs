@@ -124,7 +124,7 @@ impl Manifest {
     }
 }
 
-/// Whether `name` is a plain file name, which leads to no other folder.
+/// Whether `name` is a plain file name without folders.
 pub(super) fn is_file_name(name: &str) -> bool {
     Path::new(name).file_name().and_then(|n| n.to_str()) == Some(name)
 }

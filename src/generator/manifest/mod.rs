@@ -29,31 +29,31 @@ pub struct Manifest {
     pub name: String,
     /// Description in one sentence.
     pub description: String,
-    /// Whether it is trained or written by hand.
+    /// Whether the generator is trained or written by hand.
     pub kind: Kind,
-    /// Variant, by the paper's name; must agree with the channels.
+    /// Maps that the generator takes, by the paper's name. It must agree with the channels.
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
-    /// Width and height are padded to a multiple of this, 1..=1024. Half of the padding is before, half after; an odd
-    /// pixel is after.
+    /// Multiple to which width and height are padded, 1..=1024. The padding is split equally between both sides; an odd
+    /// pixel is at the right or below.
     pub padding_multiple: u32,
-    /// Grid of a model in beam coordinates; none for a model that takes pictures.
+    /// Grid of a model in beam coordinates; `None` for a model that takes pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beam: Option<BeamGrid>,
-    /// The input tensor.
+    /// Description of the input tensor.
     pub input: InputManifest,
-    /// Encoding of the segmentation; present if and only if it is a channel.
+    /// Encoding of the segmentation; present if and only if segmentation is an input channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<SegmentationManifest>,
-    /// The output tensor.
+    /// Description of the output tensor.
     pub output: OutputManifest,
     /// Parity pair: an input and its expected output.
     pub parity: ParityManifest,
-    /// Training data; present if and only if the generator is trained.
+    /// Description of the training; present if and only if the generator is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Training>,
-    /// Quality measured on the test set.
+    /// Quality measured on the test set; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
     /// Files of the model in precisions other than float32.
@@ -88,26 +88,26 @@ pub enum Variant {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// Grey level / 255.
+    /// Image: grey level / 255.
     Image,
-    /// 1 inside the sector, 0 outside.
+    /// Mask: 1 inside the sector, 0 outside.
     Mask,
-    /// Class of the tissue: its index in a single channel, or 1 in the channel of the class and 0 in the others.
+    /// Tissue class: its index in a single channel, or one channel per class with 1 for the pixel's class, else 0.
     Segmentation,
     /// One-way attenuation divided by its 98th percentile, 0..=1.
     Attenuation,
 }
 
-/// Mapping y = scale · x^power + offset.
+/// Mapping y = scale · x^power + offset from a map's value x to the tensor's value y.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Affine {
-    /// Scale.
+    /// Factor `scale`.
     pub scale: f32,
-    /// Offset.
+    /// Summand `offset`.
     pub offset: f32,
-    /// Exponent: 1; for the attenuation also 0.5 or 0.25. The attenuation falls over ten decades, and a linear
-    /// channel shows only two of them.
+    /// Exponent `power`: 1, or for the attenuation also 0.5 or 0.25. Attenuation falls over ten decades, of which a
+    /// linear channel shows only two.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub power: f32,
 }
@@ -127,14 +127,14 @@ impl Affine {
     }
 }
 
-/// Input tensor [1, channels, height, width] of float32 or uint8. With uint8, the model's graph contains the
-/// mappings. It then gets grey levels, the mask as 0 or 255, classes, and the attenuation after its power, times 255.
+/// Input tensor [1, channels, height, width] of float32 or uint8. For uint8 the mappings are in the model's graph. The
+/// tensor then holds grey levels, the mask as 0 or 255, class indices, and attenuation after its power, times 255.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputManifest {
     /// Name of the tensor in the model.
     pub name: String,
-    /// Channels in order. The segmentation fills one channel, or one per class.
+    /// Channels in order. Segmentation fills one channel, or one per class.
     pub channels: Vec<Channel>,
     /// Mapping of [`Channel::Image`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -150,26 +150,26 @@ pub struct InputManifest {
     pub attenuation: Option<Affine>,
 }
 
-/// Mapping of tissues to classes. Tissues are given by name, because their numbers differ between stations.
+/// Mapping of tissues to classes. It names the tissues, because their numbers differ between stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentationManifest {
-    /// Whether the classes fill one channel or several.
+    /// Whether segmentation fills one channel or one per class.
     pub encoding: Encoding,
-    /// Names of the classes in order: names of tissues, or of groups that [`Self::of`] defines. `outside` is the area
-    /// outside the sector.
+    /// Names of the classes in order: of tissues, or of groups that [`Self::of`] defines. The class `outside` is the
+    /// area outside the sector.
     pub classes: Vec<String>,
-    /// Class of all tissues that are not named. Without it, an unnamed tissue is an error.
+    /// Class of all tissues named nowhere else. Without it, such a tissue is an error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
-    /// Class of each tissue whose name is no class, as `tissue = "class"`.
+    /// Class of each tissue that has no class of its own name, as `tissue = "class"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub of: BTreeMap<String, String>,
 }
 
 impl SegmentationManifest {
-    /// Index of the class of `tissue`: the class that [`Self::of`] gives, else the class of the same name, else
-    /// [`Self::other`].
+    /// Index of the class of `tissue`: from [`Self::of`], else of the class with the tissue's name, else of
+    /// [`Self::other`]. `None` if there is none.
     pub fn class_of(&self, tissue: &str) -> Option<usize> {
         let index = |name: &String| self.classes.iter().position(|class| class == name);
         let own = || self.classes.iter().position(|class| class == tissue);
@@ -177,17 +177,17 @@ impl SegmentationManifest {
     }
 }
 
-/// Channels that the segmentation fills.
+/// Form of the segmentation in the input tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
-    /// One channel with the index of the class.
+    /// One channel that holds the class index.
     Map,
-    /// One channel per class, with 0 or 1.
+    /// One channel per class, holding 0 or 1.
     Classes,
 }
 
-/// Output tensor [1, 1, height, width] of float32 or uint8. A model whose output is uint8 gives rounded grey levels.
+/// Output tensor [1, 1, height, width] of float32 or uint8. With uint8, its values are rounded grey levels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputManifest {
@@ -195,25 +195,25 @@ pub struct OutputManifest {
     pub name: String,
     /// Factor in the formula grey level / 255 = scale · y + offset, where y is a value of the tensor.
     pub scale: f32,
-    /// Offset of that formula.
+    /// Offset in the same formula.
     pub offset: f32,
 }
 
-/// Parity pair: two `.npy` files of float32, next to the manifest. For a model in beam coordinates the arrays are
-/// scanlines × range cells.
+/// Parity pair: an input and its expected output, in two `.npy` files of float32 next to the manifest. For a model in
+/// beam coordinates, height and width are range cells and scanlines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParityManifest {
-    /// File of the input planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255.
-    /// The model ignores planes that it does not take.
+    /// File of the input planes [4, height, width]: grey levels 0..=255, class indices, attenuation 0..=1, mask 0 or
+    /// 255. Planes that the model does not take are ignored.
     pub input: String,
-    /// File of the expected grey levels before rounding [height, width], 0 outside the sector.
+    /// File of the expected grey levels [height, width] before rounding, 0 outside the sector.
     pub output: String,
-    /// Greatest difference allowed, grey levels.
+    /// Largest allowed difference, grey levels.
     pub tolerance: f32,
 }
 
-/// Training data of a model.
+/// Training of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Training {
@@ -221,13 +221,13 @@ pub struct Training {
     pub data_sha256: String,
     /// Number of training iterations.
     pub iterations: u64,
-    /// Quality of the input frames in training.
+    /// Quality of the input frames in training; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lq: Option<FrameQuality>,
     /// Further qualities of the input frames in training.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lq_more: Vec<FrameQuality>,
-    /// Quality of the target frames in training.
+    /// Quality of the target frames in training; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hq: Option<FrameQuality>,
 }
@@ -238,12 +238,12 @@ pub struct Training {
 pub struct Quality {
     /// Peak signal-to-noise ratio of the output, dB.
     pub psnr_db: f64,
-    /// Structural similarity of the output, 0..=1.
+    /// Structural similarity of the output.
     pub ssim: f64,
     /// Peak signal-to-noise ratio of the input on the same frames, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lq_psnr_db: Option<f64>,
-    /// Patch-wise Kullback–Leibler divergence between grey-level histograms.
+    /// Kullback–Leibler divergence between grey-level histograms of patches.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pkl: Option<f64>,
     /// Fréchet inception distance.
@@ -271,21 +271,21 @@ impl Manifest {
 
     /// Reads and checks the manifest at `path`.
     ///
-    /// # Errors
-    /// A file that cannot be read, text that is no manifest, or values that contradict each other; each names the file.
+    /// A file that cannot be read, text that is no manifest, or values that contradict each other. The error names the
+    /// file.
     pub fn load(path: &Path) -> Result<Self, GeneratorError> {
         let text = files::read_text(path, FileKind::Manifest).map_err(FileError::at("read", path))?;
         Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
     }
 
-    /// Reads and checks a manifest's text; the error says what is wrong.
+    /// Reads and checks the text of a manifest. The error describes the fault.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let manifest: Self = toml::from_str(text).map_err(|e| files::toml_reason(text, &e))?;
         manifest.check()?;
         Ok(manifest)
     }
 
-    /// Mapping of `channel` to values of the tensor.
+    /// Mapping of `channel` to values of the tensor, if the manifest has one.
     pub(super) fn affine(&self, channel: Channel) -> Option<Affine> {
         match channel {
             Channel::Image => self.input.image,
@@ -295,12 +295,12 @@ impl Manifest {
         }
     }
 
-    /// The model's file in `precision`, if the manifest has one.
+    /// The model's file in `precision`, a rounded one; `None` if the manifest has none.
     pub fn quantised(&self, precision: Precision) -> Option<&Quantised> {
         self.precisions.iter().find(|other| other.precision() == Some(precision))
     }
 
-    /// Qualities of frames for which the model is made: those of its training, or low quality if unknown.
+    /// Qualities of the frames that the model translates: those of its training, or low quality if unknown.
     pub fn lq(&self) -> Vec<FrameQuality> {
         let training = self.training.as_ref();
         let first = training.and_then(|training| training.lq).unwrap_or(FrameQuality::LQ);
@@ -312,7 +312,7 @@ impl Manifest {
         self.input.channels.contains(&channel)
     }
 
-    /// Whether the model takes segmentation or attenuation.
+    /// Whether the model takes segmentation or attenuation maps.
     pub fn reads_maps(&self) -> bool {
         self.takes(Channel::Segmentation) || self.takes(Channel::Attenuation)
     }

@@ -5,34 +5,34 @@ use serde::{Deserialize, Serialize};
 use super::{is_file_name, is_sha256};
 use crate::settings::Precision;
 
-/// The same model with rounded weights and values. It has its own `.onnx` file and its own expected output for the
-/// parity input.
+/// The same model with rounded weights and values. It has its own `.onnx` file, and its own expected output for the
+/// parity pair's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quantised {
-    /// Name of its precision: `int8`.
+    /// Name of the precision: `int8`.
     pub name: String,
-    /// Its `.onnx` file, next to the manifest.
+    /// Name of the `.onnx` file, next to the manifest.
     pub model: String,
-    /// SHA-256 of that file, 64 hexadecimal digits.
+    /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
     /// File of the grey levels expected for the parity input, as
     /// [`ParityManifest::output`](super::ParityManifest::output).
     pub output: String,
-    /// Greatest difference allowed, grey levels. Processors round differently, and a rounded sum may fall to the next
+    /// Largest allowed difference, grey levels. Processors round differently, and a sum may be rounded to the next
     /// step.
     pub tolerance: f32,
-    /// Peak signal-to-noise ratio on frames of the test set, dB.
+    /// Peak signal-to-noise ratio of this model on frames of the test set, dB.
     pub psnr_db: f64,
 }
 
 impl Quantised {
-    /// Precision that `name` stands for; none if insonify does not know it.
+    /// Precision called `name`; `None` if insonify does not know it.
     pub fn precision(&self) -> Option<Precision> {
         Precision::named(&self.name).filter(|precision| *precision == Precision::Int8)
     }
 
-    /// Checks the values; the error says what is wrong.
+    /// Checks the values. The error describes the fault.
     pub(super) fn check(&self) -> Result<(), String> {
         if self.precision().is_none() {
             return Err(format!("precision.name is `{}`; it must be int8", self.name));

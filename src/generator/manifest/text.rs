@@ -1,4 +1,4 @@
-//! Text of a manifest for people, in lines.
+//! Description of a manifest for the user, in lines of text.
 
 use std::fmt;
 
