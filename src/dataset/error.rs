@@ -22,7 +22,7 @@ pub enum DatasetError {
     /// An invalid `dataset.json`.
     #[error("{path} is no data set's header: {source}")]
     Header {
-        /// File.
+        /// Path of the header.
         path: PathBuf,
         /// Cause.
         source: serde_json::Error,
@@ -30,37 +30,37 @@ pub enum DatasetError {
     /// The data set has an unsupported format version.
     #[error("{path} has format {found}; this version of insonify reads {expected}")]
     Format {
-        /// File.
+        /// Path of the header.
         path: PathBuf,
         /// Format version of the data set.
         found: u32,
-        /// Format version that is supported.
+        /// Format version that this program reads.
         expected: u32,
     },
     /// A row of a manifest is invalid.
     #[error("{path}, line {line}: {reason}")]
     Row {
-        /// Manifest.
+        /// Path of the manifest.
         path: PathBuf,
-        /// Line, from 1.
+        /// Number of the line, from 1.
         line: usize,
         /// Description of the fault.
         reason: String,
     },
-    /// An array does not hold what its row says.
+    /// An array file does not contain what its row states.
     #[error("{path}: {reason}")]
     Array {
-        /// File.
+        /// Path of the array.
         path: PathBuf,
         /// Description of the fault.
         reason: String,
     },
-    /// An array has changed since it was made.
+    /// An array file has changed since it was made.
     #[error(
         "{path} is damaged: its SHA-256 is another than when it was made. Remove it, and run the command that made the data set again"
     )]
     Damaged {
-        /// File.
+        /// Path of the array.
         path: PathBuf,
     },
     /// The request can't be planned.
@@ -78,82 +78,82 @@ pub enum DatasetError {
     /// A station has no source of poses.
     #[error("{station}: the scene has no standard planes, and the station no [pose] to wander about")]
     NoPose {
-        /// Station file.
+        /// Path of the station file.
         station: PathBuf,
     },
-    /// The directory holds another data set.
+    /// The directory already holds another data set.
     #[error("{directory} holds another data set ({difference}): write to another directory, or remove it")]
     OtherDataset {
-        /// Directory.
+        /// The directory.
         directory: PathBuf,
-        /// First key with different values, and both values.
+        /// Description of the first difference: key and both values.
         difference: String,
     },
-    /// Another run is writing these tuples.
+    /// Another run is writing the same tuples.
     #[error("{manifest} is being written by another run: wait for it")]
     Busy {
-        /// Manifest.
+        /// Path of the manifest being written.
         manifest: PathBuf,
     },
-    /// A tuple comes out differently on this machine.
+    /// This machine renders a tuple differently than the data set has it.
     #[error(
         "{directory}: tuple {index} is another frame here: another version, driver or device made this data set. Write to another directory, or remove it"
     )]
     OtherMachine {
-        /// Directory.
+        /// Directory of the data set.
         directory: PathBuf,
         /// Index of the tuple.
         index: usize,
     },
-    /// The data set whose high quality is to be reused was made with another value.
+    /// The data set whose high quality is to be copied was made with another value of a key.
     #[error("{directory}: {key} is {found} there, {wanted} is wanted here")]
     OtherTarget {
-        /// Directory.
+        /// Directory of that data set.
         directory: PathBuf,
         /// Key in the header of that data set.
         key: &'static str,
         /// Value in the header of that data set.
         found: String,
-        /// Value needed.
+        /// Value required here.
         wanted: String,
     },
-    /// The data set whose high quality is to be reused lacks it.
+    /// The data set whose high quality is to be copied doesn't have it.
     #[error("{directory}: {reason}")]
     Target {
-        /// Directory.
+        /// Directory of that data set.
         directory: PathBuf,
         /// Description of the fault.
         reason: String,
     },
-    /// The data set has no tuples.
+    /// The data set has no tuples yet.
     #[error("{directory} holds no tuple yet")]
     Empty {
-        /// Directory.
+        /// Directory of the data set.
         directory: PathBuf,
     },
     /// A row names a station that the header lacks.
     #[error("{path} knows no station `{file}`")]
     UnknownStation {
-        /// Header.
+        /// Path of the header.
         path: PathBuf,
         /// Station file that the row names.
         file: PathBuf,
     },
-    /// The scene has changed since the data set was made.
+    /// A scene file has changed since the data set was made.
     #[error("{path} is another scene than the data set was made of")]
     OtherScene {
-        /// Scene file.
+        /// Path of the scene file.
         path: PathBuf,
     },
-    /// The header lacks a tissue.
+    /// The data set has no class for a tissue.
     #[error("the data set has no class `{tissue}`; its classes are {known}")]
     UnknownTissue {
         /// Name of the tissue.
         tissue: String,
-        /// All classes.
+        /// Names of all classes, separated by commas.
         known: String,
     },
-    /// The parameters of a phantom are outside their ranges.
+    /// The phantom parameters in a row are outside their ranges.
     #[error("tuple {index}: {source}")]
     Phantom {
         /// Index of the tuple.
@@ -161,10 +161,10 @@ pub enum DatasetError {
         /// Cause.
         source: ParametersError,
     },
-    /// A tissue number of a frame has no class.
+    /// A tissue number in a frame has no class.
     #[error("tissue number {number} has no class")]
     Number {
-        /// Number in the segmentation.
+        /// The tissue number.
         number: u8,
     },
     /// A station or a scene can't be loaded.

@@ -1,4 +1,4 @@
-//! Rendering of a planned data set into a directory.
+//! Rendering of a planned data set (or of a shard, a part of it) into a directory.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -17,7 +17,7 @@ use crate::lanes::in_order;
 use crate::render::{Backend, SharedTables};
 use crate::station::{PlaneScene, SceneSource};
 
-/// A shard to be rendered into a directory. While this value lives, the directory is locked against other runs of the
+/// A shard to be rendered into a directory. While this value exists, the directory is locked against other runs of the
 /// shard.
 #[derive(Debug)]
 pub struct Job<'a> {
@@ -31,15 +31,15 @@ pub struct Job<'a> {
 /// Result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
-    /// Number of tuples that this run rendered.
+    /// Number of tuples rendered by this run.
     pub made: usize,
-    /// Number of the shard's tuples that an earlier run rendered.
+    /// Number of the shard's tuples rendered by earlier runs.
     pub kept: usize,
-    /// Number of training tuples in the shard.
+    /// Number of complete training tuples in the shard.
     pub train: usize,
-    /// Number of test tuples in the shard.
+    /// Number of complete test tuples in the shard.
     pub test: usize,
-    /// Size of the shard's arrays, bytes.
+    /// Size of the shard's array files, bytes.
     pub bytes: u64,
     /// Path of the shard's manifest.
     pub manifest: PathBuf,
@@ -53,10 +53,10 @@ impl fmt::Display for Made {
 }
 
 impl Maker {
-    /// Opens or creates the data set in `directory`. Tuples whose files exist with the right sizes are kept.
+    /// Opens or creates the data set in `directory`. Complete tuples, whose files have the right sizes, are kept.
     ///
     /// # Errors
-    /// The directory can't be written, or holds another data set; or another run is writing the tuples.
+    /// The directory can't be written or holds another data set, or another run is writing the tuples.
     pub fn open(&self, directory: &Path) -> Result<Job<'_>, DatasetError> {
         let store = Store::open(directory, &self.header, &self.recipe.stations, self.recipe.shard, self.tuples())?;
         Ok(Job { maker: self, directory: directory.to_owned(), kept: store.done(), store })
@@ -65,7 +65,7 @@ impl Maker {
     /// Renders the shard into `directory`: [`Maker::open`], then [`Job::render`].
     ///
     /// # Errors
-    /// The errors of these two.
+    /// Errors of [`Maker::open`] and [`Job::render`].
     pub fn make(&self, directory: &Path, backend: &Backend, progress: &Progress<'_>) -> Result<Made, DatasetError> {
         let mut job = self.open(directory)?;
         job.render(backend, progress)?;
@@ -84,18 +84,18 @@ impl Job<'_> {
         self.total() - self.store.done()
     }
 
-    /// Number of the shard's tuples with files that have disappeared or been cut short. [`Job::render`] makes them
-    /// again. If only a mask is lost, which several tuples share, one of them is rendered again.
+    /// Number of the shard's tuples with missing or truncated files. [`Job::render`] makes these files again. If a mask
+    /// shared by several tuples is lost, only one of them is rendered again.
     pub fn lost(&self) -> usize {
         self.store.lost.len()
     }
 
-    /// Renders the missing tuples, several at once. Continues a run that was stopped.
+    /// Renders the missing tuples, several at once. Continues an interrupted run.
     ///
     /// # Errors
-    /// This machine renders a tuple of the directory differently (one tuple is checked); a scene can't be loaded or
-    /// rendered; a station has neither standard planes nor a pose; or a file can't be written. Tuples before the one
-    /// that fails are kept.
+    /// This machine renders an existing tuple differently (one is checked); a scene can't be loaded or rendered; a
+    /// station has neither standard planes nor a pose; or a file can't be written. Tuples before the failed one are
+    /// kept.
     pub fn render(&mut self, backend: &Backend, progress: &Progress<'_>) -> Result<(), DatasetError> {
         let total = self.total();
         if self.missing() == 0 {
@@ -121,7 +121,7 @@ impl Job<'_> {
         });
         let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, tables, row }: Planned| {
             let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            // A tuple that is rendered again already has its checksum.
+            // A tuple rendered again must have its earlier checksum.
             let row = Row { sha256: sums.get(&row.index).cloned().unwrap_or_default(), ..row };
             let tuple = renderer.write(&scene, tables, &row, target, directory)?;
             Ok((row, tuple))
@@ -133,7 +133,7 @@ impl Job<'_> {
         })
     }
 
-    /// Counts of tuples so far, and the manifest.
+    /// Numbers of tuples so far, and path of the manifest.
     pub fn made(&self) -> Made {
         let (train, test) = self.store.splits;
         Made {
@@ -146,7 +146,7 @@ impl Job<'_> {
         }
     }
 
-    /// Refuses to continue a data set that this machine renders differently. One tuple is checked.
+    /// Refuses to continue a data set that this machine renders differently. Renders one existing tuple for comparison.
     fn check_machine(
         &self,
         scenes: &mut Scenes<'_>,
@@ -161,7 +161,7 @@ impl Job<'_> {
     }
 }
 
-/// A scene with its standard planes and skin.
+/// A scene, and its standard planes and skin.
 type Planes = (Arc<TupleScene>, PlaneScene);
 
 /// A tuple to be rendered.
@@ -171,7 +171,7 @@ struct Planned {
     row: Row,
 }
 
-/// Tuples of an exam with these indices. `known` are the tables of the previous exam, which may be reused.
+/// The tuples of `exam` with the indices in `tuples`. `known` holds tables of the previous exam, which may be reused.
 fn planned(
     maker: &Maker,
     scenes: &mut Scenes<'_>,
@@ -184,7 +184,7 @@ fn planned(
     let station = with_phantom(station, exam);
     let frames_before = header.look.lq_angles - 1;
     let open = planes.as_ref().is_none_or(|(of, _)| of.station != station) && station.scene_file().is_none();
-    // The phantom's planes are known without its mesh.
+    // A phantom's standard planes are known without its mesh, so they load at the same time as the mesh.
     let (scene, opened) = rayon::join(|| scenes.of(&station), || open.then(|| PlaneScene::open(&station)).transpose());
     let scene = scene?;
     if let Some(opened) = opened? {
@@ -222,12 +222,12 @@ fn planned(
     };
     let moments = moments(&scene, planes, exam, frames_before)?.into_iter();
     let rows: Vec<Row> = moments.filter(|moment| tuples.contains(&moment.index)).map(row).collect();
-    // All tuples of an exam have the same settings.
+    // All tuples of an exam have the same settings, so they share tables.
     let tables = rows.first().map(|row| tables_of(&scene, row, known)).transpose()?.unwrap_or_default();
     Ok(rows.into_iter().map(|row| Planned { scene: scene.clone(), tables: tables.clone(), row }).collect())
 }
 
-/// Key frames of an exam over `scene`. `planes` caches the planes of the last scene.
+/// Key frames of an exam over `scene`. `planes` caches the standard planes of the last scene.
 fn moments(
     scene: &Arc<TupleScene>,
     planes: &mut Option<Planes>,

@@ -1,25 +1,26 @@
-//! Conversion of a tuple's maps to bytes: tissue numbers to classes, attenuation to levels.
+//! Conversion of a tuple's maps to bytes: tissue numbers to class indices, attenuation to levels.
 
 use super::{ATTENUATION_POWER, DatasetError};
 
-/// Number of low bits of an `f32` that are dropped for the index into `Levels::least`.
+/// Number of low bits of an `f32` pattern that are dropped for an index into `Levels::least`.
 const SHIFT: u32 = 17;
-/// Number of indices for values from 0 to 1.
+/// Number of indices for the values 0 to 1.
 const CHOICES: usize = (ONE >> SHIFT) as usize + 1;
 /// Bit pattern of 1.0 as an `f32`.
 const ONE: u32 = 0x3f80_0000;
 
-/// Level 255 × a^[`ATTENUATION_POWER`] of an attenuation a, looked up in tables instead of computed.
+/// Tables that convert an attenuation a to its level 255 × a^[`ATTENUATION_POWER`], instead of computing the power.
 pub(super) struct Levels {
-    /// Level of the smallest value with each index.
+    /// Level of the smallest value that has each index.
     least: Vec<u8>,
-    /// Bit pattern of the smallest value of the next level, for each level.
+    /// For each level, the bit pattern of the smallest value that has the next level.
     next: [u32; 256],
 }
 
 impl Levels {
     pub(super) fn new() -> Self {
-        // Bit patterns of numbers from 0 on have the order of the numbers, and levels rise with them.
+        // The bit patterns of non-negative numbers have the same order as the numbers, and levels rise with them. A
+        // binary search is thus possible.
         let first_of = |level: u8| {
             let (mut below, mut reached) = (0, ONE + 1);
             while reached - below > 1 {
@@ -33,7 +34,7 @@ impl Levels {
         Self { least, next }
     }
 
-    /// Appends the level of each value of an attenuation map, 0..=1.
+    /// Appends the level of each value of an attenuation map (0 to 1) to `into`.
     pub(super) fn extend(&self, into: &mut Vec<u8>, attenuation: &[f32]) {
         into.extend(attenuation.iter().map(|&value| self.of(value)));
     }
@@ -47,12 +48,12 @@ impl Levels {
     }
 }
 
-/// Computes the level of an attenuation.
+/// Computes the level of an attenuation by its power.
 fn level_of(attenuation: f32) -> u8 {
     (attenuation.powf(ATTENUATION_POWER) * 255.0).round() as u8
 }
 
-/// Appends the class of each tissue number.
+/// Appends the class index of each tissue number to `into`.
 ///
 /// # Errors
 /// A number has no class.
@@ -75,7 +76,7 @@ mod tests {
     fn levels_are_those_of_the_power() {
         let levels = Levels::new();
         let mut random = SplitMix64::new(7);
-        // Tests the smallest value of each index, the borders of all levels, and numbers of every magnitude.
+        // Tests the smallest value of each index, the borders of all levels, and random values of every magnitude.
         let borders =
             levels.next.iter().filter(|&&bits| bits <= ONE).flat_map(|&bits| bits - 300..=(bits + 300).min(ONE));
         let choices = (0..CHOICES as u32).flat_map(|choice| [choice << SHIFT, (choice << SHIFT).saturating_sub(1)]);

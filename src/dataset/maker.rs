@@ -1,4 +1,4 @@
-//! Planning of a requested data set: everything except its frames.
+//! Planning of a requested data set. Only rendering remains to be done afterwards.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -11,7 +11,7 @@ use super::{ATTENUATION_POWER, DatasetError, Exam, FORMAT, Header, PLANES, Plan,
 use crate::names::thousands;
 use crate::render::FrameQuality;
 
-/// Planned data set, ready to be rendered.
+/// A planned data set, ready to be rendered.
 #[derive(Debug)]
 pub struct Maker {
     pub(super) recipe: Recipe,
@@ -27,11 +27,11 @@ pub struct Planned {
     pub train: usize,
     /// Number of test tuples.
     pub test: usize,
-    /// Number of sessions.
+    /// Number of sessions (exams).
     pub exams: usize,
     /// Number of drawn phantoms; 0 if stations keep their own scenes.
     pub phantoms: usize,
-    /// Size of the arrays, bytes.
+    /// Size of the array files, bytes.
     pub bytes: u64,
 }
 
@@ -56,7 +56,7 @@ impl fmt::Display for Maker {
     }
 }
 
-/// Size as text, in MB.
+/// Text for a size, in MB or GB.
 pub(super) fn megabytes(bytes: u64) -> String {
     match bytes as f64 * 1e-6 {
         mb if mb < 2000.0 => format!("{mb:.0} MB"),
@@ -99,18 +99,18 @@ impl Maker {
         Ok(Self { recipe, header, plan, targets })
     }
 
-    /// Sessions in the shard.
+    /// Exams (simulated sessions) in the shard.
     pub fn exams(&self) -> &[Exam] {
         self.recipe.shard.of(&self.plan.exams)
     }
 
-    /// Indices of the tuples in the shard. Exams are consecutive, so their tuples are, too.
+    /// Indices of the shard's tuples. Consecutive exams have consecutive tuples.
     pub fn tuples(&self) -> Range<usize> {
         let exams = self.exams();
         exams.first().zip(exams.last()).map_or(0..0, |(first, last)| first.tuples.start..last.tuples.end)
     }
 
-    /// Size of the shard.
+    /// Numbers of tuples, exams and phantoms in the shard, and its size.
     pub fn planned(&self) -> Planned {
         let exams = self.exams();
         let count = |split| exams.iter().filter(|e| e.split == split).map(|e| e.tuples.len()).sum::<usize>();

@@ -1,8 +1,8 @@
-//! Data sets of paired frames for training generators: low and high quality of the same pose, with segmentation and
-//! attenuation.
+//! Data sets of paired frames for training generators. A tuple is one pair: low and high quality of the same pose, with
+//! segmentation and attenuation.
 //!
-//! A data set is a directory with `dataset.json` ([`Header`]) and one row per tuple in `manifest*.jsonl` ([`Row`]). The
-//! tuples are `uint8` arrays [4 × height × width] in `tuples/`; `masks/` holds the sectors' masks, `stations/` the
+//! A data set is a directory with `dataset.json` ([`Header`]) and one row per tuple in `manifest*.jsonl` ([`Row`]).
+//! Each tuple is a `uint8` array [4 × height × width] in `tuples/`. `masks/` holds the sectors' masks, `stations/` the
 //! station files. The content is planned from a seed before rendering ([`Plan`]).
 //!
 //! ```no_run
@@ -55,16 +55,16 @@ pub(crate) use tuple_renderer::TupleRenderer;
 pub use variation::parameters;
 pub use verify::Verified;
 
-/// Version of the directory's layout.
+/// Version of the data set's directory layout.
 pub const FORMAT: u32 = 1;
 
 /// Planes of a tuple, in order: grey levels of low quality, grey levels of high quality, tissue classes (indices in
 /// [`Header::classes`]), and 255 × the attenuation map to the power of [`ATTENUATION_POWER`].
 pub const PLANES: [&str; 4] = ["lq", "hq", "segmentation", "attenuation"];
 
-/// Exponent applied to the attenuation map in a tuple. The map spans ten decades, of which eight linear bits would
-/// hold only two. The smallest value that is not rounded to 0 is 1.5e-11; above 1e-5 the rounding error is below 15
-/// %.
+/// Exponent applied to the attenuation map in a tuple. The map spans ten decades, of which eight linear bits would hold
+/// only two. With the exponent, values from 1.5e-11 on are not rounded to 0, and rounding errors are below 15 % above
+/// 1e-5.
 pub const ATTENUATION_POWER: f32 = 0.25;
 
 /// Name of the header file in the data set's directory.

@@ -1,4 +1,4 @@
-//! Plan of a data set: its tuples, drawn from its seed before rendering.
+//! Plan of a data set: its tuples, drawn from the seed before rendering.
 
 use std::fmt;
 use std::ops::Range;
@@ -15,18 +15,18 @@ use crate::phantom::Parameters;
 use crate::pose::{Pose, TimedPose, interpolate};
 use crate::random::SplitMix64;
 
-/// Least distance or angle between two key frames of an exam; one of them suffices.
+/// Two key frames of an exam must be this far apart, or turned by this angle.
 const APART_MM: f64 = 4.0;
 const APART_DEG: f64 = 4.0;
-/// Attempts to redraw a key frame that is off the skin or too close to another.
+/// Attempts to draw a key frame that is on the skin and far enough from the others.
 const TRIES: usize = 40;
 /// Largest distance of the probe from the skin that still gives an image, mm.
 const OFF_SKIN_MM: f64 = 1.0;
-/// Range of a hand's wandering about the pose of a station without standard planes.
+/// Largest deviations of a hand that wanders about the pose of a station without standard planes.
 const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
-/// Frame rates of live sessions, Hz.
+/// Range of the simulated live sessions' frame rates, Hz.
 const FRAME_RATE_HZ: (f64, f64) = (10.0, 30.0);
-/// Length of the session of a hand that wanders about a pose, s. It is also the time span for moving scenes.
+/// Duration of a session in which the hand wanders about a pose, s. Scenes move for this time as well.
 const WANDER_S: f64 = 60.0;
 
 /// Requested size and variety of a data set.
@@ -34,75 +34,75 @@ const WANDER_S: f64 = 60.0;
 pub struct Wishes {
     /// Number of tuples, at least 2.
     pub frames: usize,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Phantoms per station with a phantom scene; 0 keeps the station's own.
+    /// Number of phantoms per station with a phantom scene; 0 keeps the station's own phantom.
     pub phantoms: usize,
     /// Number of tuples per exam, at least 1.
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// Whether each station's scene is a phantom.
+    /// For each station, whether its scene is a phantom.
     pub stations: Vec<bool>,
 }
 
 /// One exam of a plan: a simulated session with its tuples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exam {
-    /// Number in the plan, from 0.
+    /// Number of the exam in the plan, from 0.
     pub number: usize,
-    /// Index of the station.
+    /// Index of the station in the request.
     pub station: usize,
-    /// Phantom; `None` for the station's own scene.
+    /// Parameters of the phantom; `None` for the station's own scene.
     pub phantom: Option<Parameters>,
-    /// Seed of its session, settings and frames.
+    /// Seed of the exam's session, settings and frames.
     pub seed: u64,
-    /// Skill of the hand.
+    /// Skill of the simulated hand.
     pub skill: Skill,
-    /// Training or test.
+    /// Split of the exam: training or test.
     pub split: Split,
-    /// Indices of its tuples.
+    /// Indices of the exam's tuples.
     pub tuples: Range<usize>,
 }
 
-/// Exams of a data set.
+/// The exams of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Exams, grouped by station, and by phantom within a station.
     pub exams: Vec<Exam>,
 }
 
-/// Source of an exam's poses.
+/// How the poses of an exam arise.
 pub enum Source<'a> {
-    /// A hand that searches for standard planes on the skin.
+    /// A simulated hand searches for standard planes on the skin.
     Planes(&'a StandardPlanes, &'a Skin),
-    /// A hand that wanders about this pose.
+    /// A simulated hand wanders about this pose.
     About(Pose),
 }
 
-/// A key frame of an exam.
+/// A key frame of an exam, which becomes a tuple.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moment {
-    /// Index of its tuple.
+    /// Index of the tuple.
     pub index: usize,
     /// Time in the session, s.
     pub time_s: f64,
-    /// `scene_from_probe` at that time.
+    /// Pose `scene_from_probe` at that time.
     pub pose: Pose,
     /// Seed of the tuple's frames.
     pub seed: u32,
     /// Frame rate of the simulated live session, Hz.
     pub frame_rate_hz: f64,
-    /// Poses of the previous frames, the oldest first.
+    /// Poses of the previous frames of the live session, oldest first.
     pub before: Vec<Pose>,
 }
 
 /// A part of a data set that one run makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Number of the part, 1..=of.
+    /// Number of the shard, 1..=of.
     pub number: usize,
-    /// Number of parts.
+    /// Total number of shards.
     pub of: usize,
 }
 
@@ -125,7 +125,7 @@ impl fmt::Display for Shard {
 }
 
 impl Shard {
-    /// Exams of the shard: a contiguous range, so few shards need the same phantom.
+    /// The shard's exams. They are consecutive, so few shards need the same phantom.
     pub fn of<'a>(&self, exams: &'a [Exam]) -> &'a [Exam] {
         let bound = |number: usize| exams.len() * number / self.of;
         &exams[bound(self.number - 1)..bound(self.number)]
@@ -133,14 +133,14 @@ impl Shard {
 }
 
 impl Plan {
-    /// Plans a data set for `wishes`; deterministic.
+    /// Plans a data set for `wishes`. Equal wishes give equal plans.
     ///
-    /// The test split holds whole phantoms, or whole exams of a station with its own scene. Their number is the
-    /// nearest to `test_share`, with at least one phantom or exam in each split.
+    /// The test split holds whole phantoms, or whole exams of stations with their own scenes. The number of phantoms or
+    /// exams in it is the nearest to `test_share`; each split gets at least one.
     ///
     /// # Errors
-    /// There are too few tuples for training and test; the share is outside 0..1; there are no stations or no frames
-    /// per exam; or there is a single phantom.
+    /// Too few tuples for training and test, a share outside 0..1, no stations, no frames per exam, or a single
+    /// phantom.
     pub fn new(wishes: &Wishes) -> Result<Self, DatasetError> {
         let Wishes { frames, frames_per_exam, test_share, phantoms, ref stations, .. } = *wishes;
         let wrong = |text: String| Err(DatasetError::Plan(text));
@@ -172,7 +172,7 @@ impl Plan {
             let tests = ((test_share * units as f64).round() as usize).clamp(1, units - 1);
             let phantom_seeds: Vec<u64> = (0..groups).map(|_| whole(&mut random)).collect();
             for nth in 0..count {
-                // Phantoms, or exams, are numbered consecutively; the last ones are the test split.
+                // Phantoms (or exams) have consecutive numbers; the last ones are the test split.
                 let unit = nth * units / count;
                 let skill = Skill::ALL[exams.len() % Skill::ALL.len()];
                 exams.push(Exam {
@@ -192,9 +192,9 @@ impl Plan {
 }
 
 impl Exam {
-    /// Key frames of the exam: spread over its session, on the skin, and apart from each other. Each comes with the
-    /// poses of the `frames_before` previous frames, at a random frame rate. A hand that wanders about a pose rests
-    /// at each key frame.
+    /// Key frames of the exam: spread over its session, on the skin, and far enough from each other. Each has the poses
+    /// of up to `frames_before` previous frames, at a random frame rate. If the hand wanders about a pose, it rests at
+    /// each key frame.
     ///
     /// # Errors
     /// Errors of [`session::make`].
@@ -231,7 +231,7 @@ impl Exam {
                 }
             }
             let Some((time_s, pose)) = found else { continue };
-            // Rounded, so that every reader of the manifest recovers it exactly.
+            // Rounded to three decimals, so that every reader of the manifest recovers it exactly.
             let time_s = (1e3 * time_s).round() / 1e3;
             let seed = whole(&mut random) as u32;
             let frame_rate_hz = frame_rate_hz(seed);
@@ -245,21 +245,21 @@ impl Exam {
     }
 }
 
-/// Time, s, and pose at the fraction `part` (0..1) of a session.
+/// Time (s) and pose at the fraction `part` (0 to 1) of a session.
 fn at(session: &[TimedPose], part: f64) -> (f64, Pose) {
     let index = (part * session.len() as f64) as usize;
     let Some(timed) = session.get(index).or(session.last()) else { return (0.0, Pose::IDENTITY) };
     (timed.host_time_ns.saturating_sub(START_TIME_NS) as f64 * 1e-9, timed.pose)
 }
 
-/// Frame rate of a live session, Hz, drawn by `seed`.
+/// Random frame rate of a live session, Hz, from `seed`.
 fn frame_rate_hz(seed: u32) -> f64 {
     let unit = SplitMix64::new(u64::from(seed) ^ 0x7261_7465).unit();
-    // A manifest holds three decimals exactly.
+    // Rounded to three decimals, which a manifest holds exactly.
     (1e3 * (FRAME_RATE_HZ.0 + unit * (FRAME_RATE_HZ.1 - FRAME_RATE_HZ.0))).round() / 1e3
 }
 
-/// Poses of the `count` frames before `time_s`, the oldest first; fewer at the start of the session.
+/// Poses of the `count` frames before `time_s`, oldest first; fewer near the start of the session.
 fn before(session: &[TimedPose], time_s: f64, frame_rate_hz: f64, count: u32) -> Vec<Pose> {
     let pose = |frames: u32| {
         let ns = 1e9 * (time_s - f64::from(frames) / frame_rate_hz);
@@ -357,7 +357,7 @@ mod tests {
         for moment in &moments {
             assert!((10.0..=30.0).contains(&moment.frame_rate_hz));
             assert_eq!(moment.before.len(), 2);
-            // A hand moves less than a metre in a second, and the last pose before is the nearer one.
+            // A hand moves less than a metre per second, and the last previous pose is nearest to the key frame's.
             let far = |pose: &Pose| pose.position_mm.distance(moment.pose.position_mm);
             assert!(moment.before.iter().all(|pose| far(pose) < 100.0), "{:?}", moment.before);
         }

@@ -1,4 +1,4 @@
-//! Reading a data set back.
+//! Reading of a data set.
 
 use std::path::{Path, PathBuf};
 
@@ -6,10 +6,10 @@ use super::sum::sha256;
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 use crate::files::{self, FileError, FileKind};
 
-/// Number of digits of a mask's SHA-256 in the mask's file name.
+/// Number of digits of a mask's SHA-256 in its file name.
 pub(super) const MASK_DIGITS: usize = 16;
 
-/// A data set on disk: header and rows in memory. Arrays are read on demand.
+/// A data set on disk. Header and rows are in memory; arrays are read on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
     /// Directory of the data set.
@@ -20,7 +20,7 @@ pub struct Dataset {
     pub rows: Vec<Row>,
 }
 
-/// Arrays of a tuple, each [height × width], row-major; the first row is the nearest to the probe.
+/// Arrays of a tuple, each [height × width], row by row; the first row is the nearest to the probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tuple {
     /// Width and height, pixels.
@@ -38,7 +38,7 @@ pub struct Tuple {
 }
 
 impl Tuple {
-    /// Attenuation map as in frames, 0..=1.
+    /// The attenuation map in the form that frames have, 0..=1.
     pub fn attenuation_map(&self) -> Vec<f32> {
         let levels: [f32; 256] = std::array::from_fn(|byte| (byte as f32 / 255.0).powf(ATTENUATION_POWER.recip()));
         self.attenuation.iter().map(|&byte| levels[usize::from(byte)]).collect()
@@ -63,7 +63,7 @@ impl Header {
 }
 
 impl Dataset {
-    /// Reads header and manifests. If a run was killed, the truncated last line of its manifest is ignored.
+    /// Reads header and manifests. The truncated last line that a killed run leaves in its manifest is ignored.
     ///
     /// # Errors
     /// The header is missing or invalid; the directory or a manifest can't be read; a row is invalid; or an index
@@ -89,7 +89,7 @@ impl Dataset {
         self.rows.iter().filter(move |row| row.split == split)
     }
 
-    /// Reads the arrays of `row`.
+    /// Reads the arrays of the tuple of `row`.
     ///
     /// # Errors
     /// A file can't be read, does not have the type or shape in its row, has changed since it was made, or has an
@@ -112,7 +112,7 @@ impl Dataset {
         }
     }
 
-    /// Planes of the tuple of `row`, one after the other.
+    /// Planes of the tuple of `row`, one after another.
     pub(super) fn planes(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         read(&self.directory.join(&row.file), &[PLANES.len(), height, width], &row.sha256)
@@ -125,14 +125,14 @@ impl Dataset {
     }
 }
 
-/// First digits of the SHA-256 in the file name `mask`; empty if the name has none.
+/// Digits of the SHA-256 in the mask's file name; empty if there are none.
 fn digits_of(mask: &str) -> &str {
     let digits = mask.strip_suffix(".npy").and_then(|name| name.rsplit_once('_')).map_or("", |(_, digits)| digits);
     let is_sum = digits.len() == MASK_DIGITS && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
     if is_sum { digits } else { "" }
 }
 
-/// Manifests of the data set in `directory`, sorted by name: one in total, or one per shard.
+/// Paths of the manifests of the data set in `directory`, sorted by name: one in total, or one per shard.
 ///
 /// # Errors
 /// The directory cannot be read.
@@ -150,7 +150,7 @@ pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(manifests)
 }
 
-/// Rows of a manifest, and the number of bytes up to the end of the last complete row.
+/// Rows of a manifest, and its length in bytes up to the end of the last complete row.
 ///
 /// # Errors
 /// The file cannot be read, or a complete line is not a row.
@@ -173,7 +173,7 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
     Ok((rows, whole))
 }
 
-/// Bytes of an array, which must have this shape and a SHA-256 that starts with `digits`.
+/// Bytes of the `uint8` array file at `path`. It must have the shape `shape`, and its SHA-256 must start with `digits`.
 fn read(path: &Path, shape: &[usize], digits: &str) -> Result<Vec<u8>, DatasetError> {
     let failed = FileError::at("read", path);
     let bytes = files::read(path, FileKind::Array).map_err(failed)?;

@@ -7,27 +7,28 @@ use crate::render::Quality;
 use crate::settings::{LookSettings, SettingsGroup};
 use crate::station::{SceneSource, Station};
 
-/// Frames per phantom, and smallest number of phantoms, if no number of phantoms is requested.
+/// If no number of phantoms is requested: frames per phantom, and least number of phantoms.
 const FRAMES_PER_PHANTOM: usize = 40;
 const PHANTOMS_LEAST: usize = 4;
 
-/// Request for a data set: stations, size, variety and qualities. Equal recipes give equal tuples.
+/// Request for a data set: stations, size, variety and qualities. Equal requests give equal tuples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// Stations with their probe, image, tissues and scene, each loaded from a file. They share the frames evenly.
+    /// Stations, each loaded from a file, with probe, image, tissues and scene. The frames are divided evenly among
+    /// them.
     pub stations: Vec<Station>,
     /// Number of tuples, at least 2.
     pub frames: usize,
     /// Seed of phantoms, sessions, settings and key frames.
     pub seed: u64,
-    /// Phantoms per station with a phantom scene; 0 keeps the station's own. `None`: one phantom for every 40 frames,
-    /// at least 4.
+    /// Number of phantoms per station with a phantom scene; 0 keeps the station's own phantom. `None`: one phantom for
+    /// every 40 frames, at least 4.
     pub phantoms: Option<usize>,
     /// Number of tuples per session, at least 1.
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// Rays and layers of the low qualities, at least one; tuples take all in turn.
+    /// Rays and layers of each low quality, at least one. If there are several, successive tuples take them in turn.
     pub lq: Vec<[u32; 2]>,
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
@@ -35,20 +36,20 @@ pub struct Recipe {
     pub lq_angles: u32,
     /// Steering angles of the high quality, at least 1; even numbers are rounded down.
     pub hq_angles: u32,
-    /// Angle between the outermost directions of compounding, degrees. `None`: the first station's.
+    /// Angle between the outermost steering directions of compounding, degrees. `None`: as in the first station.
     pub span_deg: Option<f64>,
     /// Directory of a data set with the same plan, from which the high quality is copied instead of rendered.
     pub hq_from: Option<PathBuf>,
-    /// Shard to make.
+    /// Part of the data set to make.
     pub shard: Shard,
 }
 
-/// Rays and layers of a quality.
+/// Rays and layers of `quality`.
 fn pair(quality: Quality) -> [u32; 2] {
     [quality.rays, quality.layers]
 }
 
-/// Rays and layers: of the first low quality, of the further low qualities, and of the high quality.
+/// Rays and layers of the first low quality, of the further low qualities, and of the high quality.
 pub(super) struct Qualities {
     pub(super) lq: [u32; 2],
     pub(super) lq_more: Vec<[u32; 2]>,
@@ -56,8 +57,8 @@ pub(super) struct Qualities {
 }
 
 impl Recipe {
-    /// Defaults for `stations`: 600 tuples, 8 per session, a tenth of them for the test. Low quality has 1 ray and 1
-    /// layer, high quality 32 rays and 3 layers, each with one angle.
+    /// Request with defaults: 600 tuples, 8 per session, a tenth of them for the test. Low quality has 1 ray and 1
+    /// layer, high quality 32 rays and 3 layers, each with one steering angle.
     pub fn new(stations: Vec<Station>) -> Self {
         Self {
             stations,
@@ -76,7 +77,7 @@ impl Recipe {
         }
     }
 
-    /// Size and variety, as the plan needs them.
+    /// Requested size and variety, in the form that the plan needs.
     pub(super) fn wishes(&self) -> Wishes {
         let share = self.frames / self.stations.len().max(1);
         let is_phantom = |station: &Station| matches!(station.scene, SceneSource::ObstetricPhantom(_));
@@ -90,7 +91,7 @@ impl Recipe {
         }
     }
 
-    /// Qualities, as the header needs them.
+    /// Checked qualities, in the form that the header needs.
     pub(super) fn qualities(&self) -> Result<Qualities, DatasetError> {
         for &[rays, layers] in self.lq.iter().chain([&self.hq]) {
             Quality { rays, layers, seed: 0 }.validate()?;
@@ -101,7 +102,7 @@ impl Recipe {
         Ok(Qualities { lq: *first, lq_more: more.to_vec(), hq: self.hq })
     }
 
-    /// Compounding of low and high quality.
+    /// Steering angles of low and of high quality, and the compounding settings that both share.
     pub(super) fn compounding(&self) -> Result<CompoundingRow, DatasetError> {
         let look = self.stations.first().map(|station| station.settings.look).unwrap_or_default();
         let span_deg = self.span_deg.unwrap_or(look.span_deg);

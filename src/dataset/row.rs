@@ -1,4 +1,4 @@
-//! Manifest of a data set: its header and one row per tuple.
+//! Header of a data set, and the rows of its manifest, one per tuple.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,45 +7,45 @@ use crate::pose::Pose;
 use crate::settings::LookSettings;
 use crate::transducer::{Probe, Sector};
 
-/// Content of `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
+/// Content of `dataset.json`: properties common to all tuples. Equal headers give equal tuples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Version of the format, [`FORMAT`](super::FORMAT).
+    /// Version of the directory's layout, [`FORMAT`](super::FORMAT).
     pub format: u32,
-    /// Version of insonify that made it.
+    /// Version of insonify that made the data set.
     pub insonify: String,
     /// Seed of the plan.
     pub seed: u64,
-    /// Number of planned tuples, over all shards.
+    /// Number of planned tuples in all shards.
     pub frames: usize,
-    /// Tissue name of each number in the segmentation; 0 is `outside`, outside the sector.
+    /// Tissue name of each class index in the segmentation. Class 0 is `outside`, the area outside the sector.
     pub classes: Vec<String>,
     /// Names of a tuple's planes, [`PLANES`](super::PLANES).
     pub planes: Vec<String>,
-    /// Exponent of the attenuation, [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
+    /// Exponent applied to the attenuation, [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
     pub attenuation_power: f32,
-    /// Rays and layers of the low quality.
+    /// Rays and layers of the first low quality.
     pub lq: [u32; 2],
-    /// Further low qualities; tuples take all in turn.
+    /// Rays and layers of further low qualities. Successive tuples take all low qualities in turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lq_more: Vec<[u32; 2]>,
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
-    /// Compounding of low and high quality.
+    /// Steering angles and compounding of low and high quality.
     #[serde(default)]
     pub look: CompoundingRow,
-    /// Phantoms per station with a phantom scene; 0 keeps the station's own.
+    /// Number of phantoms per station with a phantom scene; 0 keeps the station's own phantom.
     pub phantoms: usize,
-    /// Number of tuples per exam.
+    /// Number of tuples per exam (simulated session).
     pub frames_per_exam: usize,
     /// Share of test tuples.
     pub test_share: f64,
-    /// Station files, stored in `stations/`, each with the base directory of its paths.
+    /// Stations of the data set; their files are in `stations/`.
     pub stations: Vec<StationRow>,
 }
 
 impl Header {
-    /// Rays and layers of the low quality of a tuple.
+    /// Rays and layers of the low quality of the tuple `index`.
     pub(crate) fn lq_of(&self, index: usize) -> [u32; 2] {
         match index % (1 + self.lq_more.len()) {
             0 => self.lq,
@@ -57,21 +57,21 @@ impl Header {
 /// A station of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StationRow {
-    /// File in the data set's directory.
+    /// Path of the station file in the data set's directory.
     pub file: String,
-    /// Directory at which the relative paths in the file start.
+    /// Directory to which relative paths in the station file refer.
     pub directory: String,
-    /// SHA-256 of the scene's file; `None` for a generated phantom.
+    /// SHA-256 of the scene file; `None` for a generated phantom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_sha256: Option<String>,
-    /// Geometry of the scanlines in the station's pictures, for networks in beam coordinates; `None` in data sets of
+    /// Geometry of the scanlines in the station's pictures, for generators in beam coordinates; `None` in data sets of
     /// older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<ScanRow>,
 }
 
 impl StationRow {
-    /// Whether both stations have the same files.
+    /// Whether both stations have the same station file and scene file.
     pub(crate) fn same_files(&self, other: &Self) -> bool {
         let files = |station: &Self| [Some(station.file.clone()), station.scene_sha256.clone()];
         files(self) == files(other)
@@ -81,16 +81,16 @@ impl StationRow {
 /// Geometry of the scanlines in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ScanRow {
-    /// Radius of the face, mm; 0 for a phased array, `None` for a linear face.
+    /// Radius of the probe's face, mm; 0 for a phased array, `None` for a linear one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
-    /// Half of the lateral extent: radians, or mm for a linear face.
+    /// Half of the lateral extent of the scanlines: radians, or mm for a linear array.
     pub half_extent: f64,
-    /// Depth of the picture below the face, mm.
+    /// Depth of the picture from the face, mm.
     pub depth_mm: f64,
     /// Side of a square pixel, mm.
     pub pixel_mm: f64,
-    /// Probe-frame (x, z) of the upper left corner, mm.
+    /// Lateral and depth coordinates (x, z) of the upper left corner in the probe's frame, mm.
     pub corner_mm: [f64; 2],
 }
 
@@ -110,62 +110,62 @@ impl ScanRow {
     }
 }
 
-/// Training or test split. The splits share no exam and no phantom.
+/// Split of a data set into training and test. The two splits share no exam and no phantom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// Training.
+    /// Training split.
     Train,
-    /// Test.
+    /// Test split.
     Test,
 }
 
-/// One tuple: its files, and everything that is needed to render it again.
+/// Row of a tuple: its files, and everything needed to render it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Number in the plan, from 0.
+    /// Index of the tuple in the plan, from 0.
     pub index: usize,
-    /// Training or test.
+    /// Split of the tuple: training or test.
     pub split: Split,
-    /// Station file in the data set's directory.
+    /// Path of the station file in the data set's directory.
     pub station: String,
-    /// Phantom, if the scene is one.
+    /// Options of the phantom; `None` for another scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phantom: Option<PhantomOptions>,
-    /// Session from which the pose is taken.
+    /// Exam from which the pose is taken.
     pub exam: ExamRow,
-    /// Time in the session and of the scene's motion, s.
+    /// Time in the exam's session and of the scene's motion, s.
     pub time_s: f64,
-    /// `scene_from_probe`.
+    /// Pose `scene_from_probe`.
     pub pose: PoseRow,
-    /// Previous frames, which the low quality compounds; none if the low quality has a single angle.
+    /// Previous frames, which the low quality compounds; `None` if it has a single steering angle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rolling: Option<RollingRow>,
-    /// Settings that replace the station's.
+    /// Settings that replace those of the station.
     pub settings: SettingsRow,
-    /// Seed of the low- and the high-quality frame.
+    /// Seed of the low-quality and of the high-quality frame.
     pub seed: u32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
-    /// Compounding of low and high quality.
+    /// Steering angles and compounding of low and high quality.
     #[serde(default)]
     pub look: CompoundingRow,
-    /// Width and height, pixels.
+    /// Width and height of the frames, pixels.
     pub size: [u32; 2],
-    /// File of the tuple's array in the data set's directory.
+    /// Path of the tuple's array in the data set's directory.
     pub file: String,
-    /// File of the sector's mask in the data set's directory.
+    /// Path of the sector's mask in the data set's directory.
     pub mask: String,
-    /// SHA-256 of the tuple's file.
+    /// SHA-256 of the tuple's array file.
     pub sha256: String,
 }
 
-/// A session of a simulated hand.
+/// An exam: a session of a simulated hand.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ExamRow {
-    /// Number in the plan, from 0.
+    /// Number of the exam in the plan, from 0.
     pub number: usize,
     /// Seed of the session.
     pub seed: u64,
@@ -174,20 +174,20 @@ pub struct ExamRow {
     pub skill: Option<String>,
 }
 
-/// Compounding of a tuple's frames. Later steps of post-processing are not in data sets, because they follow the
-/// generator.
+/// Compounding of a tuple's frames. Later steps of post-processing come after the generator, so data sets don't contain
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CompoundingRow {
-    /// Number of steering angles of the low quality. They come from the last frames of a live session, one each.
+    /// Number of steering angles of the low quality: one from each of the last frames of a live session.
     pub lq_angles: u32,
     /// Number of steering angles of the high quality.
     pub hq_angles: u32,
-    /// Angle between the outermost directions, degrees.
+    /// Angle between the outermost steering directions, degrees.
     pub span_deg: f64,
-    /// Largest displacement of the probe between the frames of a compounded low-quality picture, mm.
+    /// Largest movement of the probe between the frames that a low-quality picture compounds, mm.
     #[serde(default = "reach_mm")]
     pub reach_mm: f64,
-    /// Whether earlier frames of the low quality are registered to the last pose.
+    /// Whether earlier frames of a low-quality picture are registered to the last pose.
     #[serde(default)]
     pub registration: bool,
 }
@@ -197,7 +197,7 @@ fn reach_mm() -> f64 {
 }
 
 impl Default for CompoundingRow {
-    /// One angle for each quality.
+    /// One steering angle for each quality.
     fn default() -> Self {
         let LookSettings { span_deg, reach_mm, registration, .. } = LookSettings::default();
         Self { lq_angles: 1, hq_angles: 1, span_deg, reach_mm, registration }
@@ -205,7 +205,7 @@ impl Default for CompoundingRow {
 }
 
 impl CompoundingRow {
-    /// Settings that compound low quality (0) or high quality (1).
+    /// Post-processing settings that compound the low (0) or the high quality (1).
     pub fn of(&self, quality: usize) -> LookSettings {
         let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
         let Self { span_deg, reach_mm, registration, .. } = *self;
@@ -213,25 +213,25 @@ impl CompoundingRow {
     }
 }
 
-/// A pose.
+/// A pose of the probe in the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseRow {
     /// Centre of the probe's face in the scene, mm.
     pub position_mm: [f64; 3],
-    /// Unit quaternion w, x, y, z that turns probe axes into scene axes.
+    /// Unit quaternion [w, x, y, z] that turns probe axes into scene axes.
     pub quaternion: [f64; 4],
 }
 
-/// Previous frames of a live session. Each contributes one angle to a compounded picture.
+/// Previous frames of a live session, each of which contributes one steering angle to a compounded picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RollingRow {
-    /// Frame rate, Hz.
+    /// Frame rate of the live session, Hz.
     pub frame_rate_hz: f64,
-    /// Poses of these frames, the oldest first; fewer at the start of the session.
+    /// Poses of the frames, oldest first; fewer near the start of the session.
     pub poses: Vec<PoseRow>,
 }
 
-/// Settings that vary between sessions.
+/// Settings that vary from exam to exam.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SettingsRow {
     /// Gain, dB.
@@ -243,7 +243,7 @@ pub struct SettingsRow {
 }
 
 impl From<&Pose> for PoseRow {
-    /// Rounds to a nanometre and to 1e-9, so that every JSON reader recovers the numbers exactly.
+    /// Rounds positions to 1 nm and quaternions to 1e-9, so that every JSON reader recovers them exactly.
     fn from(pose: &Pose) -> Self {
         let [x, y, z, w] = pose.orientation.to_array();
         let short = |digits: f64| move |value: f64| (value * digits).round() / digits;

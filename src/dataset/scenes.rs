@@ -1,4 +1,4 @@
-//! Scenes of the tuples, shared by the renderers of all lanes.
+//! Scenes of the tuples, shared by parallel renderers (lanes).
 
 use std::sync::Arc;
 
@@ -14,17 +14,17 @@ use crate::station::Station;
 /// A station's scene, ready to be rendered.
 #[derive(Debug)]
 pub(crate) struct TupleScene {
-    /// Station, with the phantom of its tuples.
+    /// Station, with its tuples' phantom as scene.
     pub(super) station: Station,
     pub(super) scene: Scene,
     /// BVH of the scene at rest.
     pub(super) bvh: Arc<Bvh>,
     pub(super) tables: TableMaker,
-    /// Class of each tissue number in the frames.
+    /// Class index of each tissue number in the frames.
     pub(super) class_of: Vec<u8>,
 }
 
-/// Loads scenes and keeps the last one, because tuples of one scene follow each other.
+/// Loads scenes and keeps the last one, because tuples of one scene are consecutive.
 pub(crate) struct Scenes<'a> {
     progress: &'a Progress<'a>,
     classes: Vec<String>,
@@ -32,12 +32,12 @@ pub(crate) struct Scenes<'a> {
 }
 
 impl<'a> Scenes<'a> {
-    /// A loader of scenes for a data set with these classes. `progress` receives the steps in building a phantom.
+    /// Loader of scenes for a data set with these classes. `progress` receives the steps of building phantoms.
     pub(crate) fn new(classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
         Self { progress, classes, last: None }
     }
 
-    /// The scene of `station`. While it is loaded, lanes may still hold the previous scene.
+    /// The scene of `station`. Meanwhile, renderers may still hold the previous scene.
     ///
     /// # Errors
     /// The scene can't be loaded, has no triangles, or has a tissue without a class.

@@ -1,4 +1,4 @@
-//! Stations of a data set: their files, scenes and classes.
+//! Station files, scenes and classes of a data set.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::anatomy::planes::planes_path;
 use crate::files::{self, FileError, FileKind};
 use crate::station::{SceneSource, Station};
 
-/// Contents of a station or scene file.
+/// Content of a station or scene file.
 pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, DatasetError> {
     Ok(files::read(path, kind).map_err(FileError::at("read", path))?)
 }
@@ -19,8 +19,8 @@ pub(super) fn read_station(path: &Path) -> Result<String, DatasetError> {
 }
 
 impl StationRow {
-    /// Row of `station`, which must have been loaded from a file. Its file in the data set is named by a hash of its
-    /// content.
+    /// Row of `station`, which must have been loaded from a file. A hash of the content names the station's file in the
+    /// data set.
     ///
     /// # Errors
     /// The station's file, its folder or its scene cannot be read.
@@ -40,7 +40,7 @@ impl StationRow {
 }
 
 impl Dataset {
-    /// Station of the tuple of `row`, with the tuple's phantom as its scene.
+    /// The station of the tuple of `row`, with the tuple's phantom as its scene.
     ///
     /// # Errors
     /// The row names an unknown station; the station file can't be read; the scene differs from the data set's; or
@@ -50,7 +50,7 @@ impl Dataset {
     }
 }
 
-/// Station of the tuple of `row` in the data set in `directory`, with the tuple's phantom as its scene.
+/// The station of the tuple of `row`, with the tuple's phantom as its scene. The data set is in `directory`.
 pub(super) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result<Station, DatasetError> {
     let mut station = open(directory, header, &row.station)?;
     if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
@@ -60,7 +60,7 @@ pub(super) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result
     Ok(station)
 }
 
-/// The station `file` of the data set in `directory`.
+/// Loads the station `file` of the data set in `directory`, and checks its scene file.
 fn open(directory: &Path, header: &Header, file: &str) -> Result<Station, DatasetError> {
     let path = directory.join(file);
     let known = header.stations.iter().find(|station| station.file == file);
@@ -76,7 +76,7 @@ fn open(directory: &Path, header: &Header, file: &str) -> Result<Station, Datase
     Ok(station)
 }
 
-/// `station` with the exam's phantom as its scene.
+/// Copy of `station` with the exam's phantom as its scene.
 pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
     let mut station = station.clone();
     if let (SceneSource::ObstetricPhantom(options), Some(parameters)) = (&mut station.scene, exam.phantom) {
@@ -85,7 +85,7 @@ pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
     station
 }
 
-/// Whether the scene has standard planes. For a scene file they are in a file next to it.
+/// Whether the station's scene has standard planes. A scene file has them in a file next to it.
 pub(super) fn has_planes(station: &Station) -> bool {
     station.scene_file().is_none_or(|path| planes_path(path).exists())
 }
@@ -93,7 +93,7 @@ pub(super) fn has_planes(station: &Station) -> bool {
 /// Name of the class for pixels outside the sector.
 pub(super) const OUTSIDE: &str = "outside";
 
-/// Names of all classes: [`OUTSIDE`], then every tissue of the stations once.
+/// Names of all classes: [`OUTSIDE`], then each tissue of the stations once.
 pub(super) fn classes(stations: &[Station]) -> Result<Vec<String>, DatasetError> {
     let mut classes = vec![OUTSIDE.to_owned()];
     for name in stations.iter().flat_map(|station| station.tissues.names()) {
@@ -107,7 +107,7 @@ pub(super) fn classes(stations: &[Station]) -> Result<Vec<String>, DatasetError>
     }
 }
 
-/// Class of each tissue number: number 0 is outside, number i + 1 is the scene's tissue i.
+/// Class index of each tissue number. Number 0 is the outside, number i + 1 is `tissues[i]`.
 pub(super) fn class_of(classes: &[String], tissues: &[String]) -> Result<Vec<u8>, DatasetError> {
     let class = |name: &str| {
         let found = classes.iter().position(|class| class == name).and_then(|at| u8::try_from(at).ok());

@@ -1,23 +1,23 @@
 //! Progress of long tasks on data sets.
 
-/// Completed part of a task. The calls about a phantom come from several threads, and may arrive out of order.
+/// Completed part of a task. Reports about a phantom come from several threads and may arrive out of order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Steps in building the phantom of the next tuples.
+    /// Progress in building the phantom of the next tuples.
     Phantom {
         /// Number of completed steps.
         done: usize,
         /// Total number of steps.
         total: usize,
     },
-    /// Frames of a sequence.
+    /// Progress in rendering the frames of a sequence.
     Frames {
         /// Number of completed frames.
         done: usize,
         /// Total number of frames.
         total: usize,
     },
-    /// Tuples.
+    /// Progress in processing tuples.
     Tuples {
         /// Number of completed tuples.
         done: usize,
@@ -26,5 +26,5 @@ pub enum Step {
     },
 }
 
-/// Receiver of progress.
+/// Receiver of the progress of a task.
 pub type Progress<'a> = dyn Fn(Step) + Sync + 'a;

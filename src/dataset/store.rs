@@ -1,4 +1,4 @@
-//! Files of a data set on disk.
+//! Files of a data set, as they are written.
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{File, OpenOptions, TryLockError};
@@ -15,31 +15,31 @@ use crate::sink::npy::header_of_u8;
 use crate::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
 use crate::station::Station;
 
-/// The directory of a data set, and the manifest of one shard.
+/// The directory of a data set, and the manifest of one of its shards.
 #[derive(Debug)]
 pub(super) struct Store {
     directory: PathBuf,
-    /// Path of the manifest.
+    /// Path of the shard's manifest.
     pub(super) path: PathBuf,
     manifest: File,
-    /// Indices of the tuples that any shard has rendered.
+    /// Indices of the complete tuples of all shards.
     done: HashSet<usize>,
     /// Rows of this shard's tuples that must be rendered again, because their files are missing or cut short.
     pub(super) lost: HashMap<usize, Row>,
     /// Indices of this shard's tuples.
     ours: Range<usize>,
-    /// Last row of this shard, or of another shard if this one has none.
+    /// Last row of this shard. If this shard has none, a row of another shard.
     pub(super) last: Option<Row>,
     masks: HashSet<String>,
-    /// Numbers of finished training and test tuples of this shard.
+    /// Numbers of complete training and test tuples of this shard.
     pub(super) splits: (usize, usize),
-    /// Total size of this shard's finished tuples, bytes.
+    /// Total size of this shard's complete tuples, bytes.
     pub(super) bytes: u64,
 }
 
 impl Store {
     /// Opens or creates the data set of `header` in `directory`, to render the missing tuples of `ours`. Refuses a
-    /// directory with another data set, and tuples that another run is writing.
+    /// directory that holds another data set, and tuples that another run is writing.
     pub(super) fn open(
         directory: &Path,
         header: &Header,
@@ -60,7 +60,7 @@ impl Store {
             for (station, kept) in stations.iter().zip(&header.stations) {
                 write_text(&directory.join(&kept.file), &read_station(&station.path)?)?;
             }
-            // Written last: its presence marks a complete directory.
+            // Written last: its presence marks a complete set-up.
             write_json(&path, header)?;
         }
         let name = match shard.of {
@@ -69,15 +69,14 @@ impl Store {
         };
         let path = directory.join(name);
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(SinkError::io(&path))?;
-        // On file systems without locks, two runs at once go unnoticed.
+        // On file systems without locks, two simultaneous runs go unnoticed.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
             return Err(DatasetError::Busy { manifest: path });
         }
         let (_, whole) = read_rows(&path)?;
-        // Removes the incomplete last row of a killed run.
+        // Removes the incomplete last row that a killed run left.
         manifest.set_len(whole).map_err(SinkError::io(&path))?;
-        // Shards of the same partition share no tuples. A partition into another number of shards may have the same
-        // tuples.
+        // Shards of the same total share no tuples. A shard of another total may be writing the same tuples.
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
             let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
@@ -103,7 +102,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Counts a tuple that has a row, unless its files are lost.
+    /// Counts the tuple of `row`, unless its files are lost.
     fn count(&mut self, row: &Row) {
         let ours = self.ours.contains(&row.index);
         if ours || self.last.is_none() {
@@ -123,8 +122,8 @@ impl Store {
         }
     }
 
-    /// Writes the mask and then the row of a tuple whose array is already written. Fills in the row's checksums and
-    /// names. A tuple that was lost already has its row.
+    /// Writes the mask and then the row of a tuple whose array is already written. Completes the row's size, mask and
+    /// checksum. A lost tuple already has its row.
     pub(super) fn keep(&mut self, row: Row, tuple: RenderedTuple) -> Result<(), DatasetError> {
         let RenderedTuple { sha256, mask, size } = tuple;
         if !self.masks.contains(&mask.file) {
@@ -150,19 +149,19 @@ impl Store {
         self.manifest.write_all(&line).map_err(SinkError::io(&self.path))
     }
 
-    /// Indices in `tuples` of those that no shard has rendered.
+    /// The indices in `tuples` of incomplete tuples.
     pub(super) fn missing(&self, tuples: Range<usize>) -> Vec<usize> {
         tuples.filter(|index| !self.done.contains(index)).collect()
     }
 
-    /// Number of finished tuples of this shard.
+    /// Number of this shard's complete tuples.
     pub(super) fn done(&self) -> usize {
         self.splits.0 + self.splits.1
     }
 }
 
-/// Rows whose tuples must be rendered again, because their array is missing or has another size. A lost mask is
-/// written again with the first tuple that uses it.
+/// Rows of tuples that must be rendered again: the array, or the mask of its first user, is missing or has another
+/// size. They are keyed by tuple index.
 fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     let there: Vec<bool> = rows.par_iter().map(|row| is_there(directory, &row.file, row.size, PLANES.len())).collect();
     let (mut lost, mut masks) = (HashMap::new(), HashSet::new());
@@ -175,7 +174,7 @@ fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     lost
 }
 
-/// Whether `file` holds a `uint8` array of the full length. Its content is not read.
+/// Whether `file` has the length of a `uint8` array of this size. Its content is not read.
 fn is_there(directory: &Path, file: &str, size: [u32; 2], planes: usize) -> bool {
     let (path, mut head) = (directory.join(file), Vec::new());
     let [width, height] = size;
@@ -187,13 +186,13 @@ fn is_there(directory: &Path, file: &str, size: [u32; 2], planes: usize) -> bool
     std::fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == length)
 }
 
-/// Number of shards that a manifest's file name states.
+/// Number of shards in a manifest's file name; `None` if there is only one.
 fn shards_of(manifest: &Path) -> Option<String> {
     let name = manifest.file_name()?.to_string_lossy().into_owned();
     name.split_once("-of-").map(|(_, of)| of.to_owned())
 }
 
-/// First difference between two headers, as text.
+/// Description of the first difference between two headers; `None` if they are equal.
 fn difference(found: &Header, wanted: &Header) -> Option<String> {
     let fields = |header: &Header| -> Vec<(String, String)> {
         let value = serde_json::to_value(header).unwrap_or_default();

@@ -1,20 +1,20 @@
-//! High-quality frames that are copied from another data set with the same plan.
+//! High-quality frames copied from another data set with the same plan.
 
 use std::collections::HashMap;
 use std::path::Path;
 
 use super::{Dataset, DatasetError, Header, Row};
 
-/// A data set whose high quality is copied.
+/// A data set from which the high quality is copied.
 #[derive(Debug)]
 pub(super) struct Targets {
     dataset: Dataset,
-    /// Position in the data set's rows of each tuple index.
+    /// Position of each tuple index in the data set's rows.
     rows: HashMap<usize, usize>,
 }
 
 impl Targets {
-    /// Opens the data set in `directory`. Refuses it if its high quality differs from the one in `header`.
+    /// Opens the data set in `directory`. Refuses it if its high quality or its plan differs from `header`.
     pub(super) fn open(directory: &Path, header: &Header) -> Result<Self, DatasetError> {
         let dataset = Dataset::open(directory)?;
         let found = &dataset.header;
@@ -38,7 +38,7 @@ impl Targets {
         Ok(Self { dataset, rows })
     }
 
-    /// Grey levels of the high-quality frame of `row`.
+    /// Grey levels of the copied high-quality frame for `row`.
     pub(super) fn of(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
         let refused = |why: &str| DatasetError::Target {
             directory: self.dataset.directory.clone(),

@@ -1,4 +1,4 @@
-//! Rendering of tuples from their rows.
+//! Rendering of tuples from the rows of a manifest.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,41 +16,41 @@ use crate::sink::{SinkError, check_shape, write_bytes};
 use crate::station::Station;
 use crate::transducer::Probe;
 
-/// Numbers of a renderer's two configurations.
+/// Indices of a renderer's configurations for low and high quality.
 const LOW: usize = 0;
 const HIGH: usize = 1;
 
-/// Largest number of lanes on a device. Each takes the memory of a renderer there.
+/// Largest number of lanes (parallel renderers) on a device. Each needs a renderer's memory there.
 const DEVICE_LANES_MAX: usize = 4;
 
-/// File of a mask.
+/// A mask file to be written.
 #[derive(Debug, Clone)]
 pub(super) struct MaskFile {
-    /// Path below the data set's directory, named by a hash of the content.
+    /// Path below the data set's directory. A hash of the content names the file.
     pub(super) file: String,
     pub(super) bytes: Arc<[u8]>,
 }
 
-/// A rendered tuple: its checksum, mask and size.
+/// A rendered tuple's checksum, mask and size. Its array is in [`TupleRenderer`].
 #[derive(Debug, Clone)]
 pub(super) struct RenderedTuple {
     pub(super) sha256: String,
     pub(super) mask: MaskFile,
-    /// Width and height, pixels.
+    /// Width and height of the frames, pixels.
     pub(super) size: [u32; 2],
 }
 
-/// Renders the tuples of one lane. Keeps the renderer of the last scene.
+/// Renders the tuples of one lane. Keeps its renderer while the scene stays the same.
 pub(crate) struct TupleRenderer<'a> {
     backend: &'a Backend,
     kept: Option<(Arc<TupleScene>, Renderer)>,
-    /// Tables computed in advance for the tuples.
+    /// Precomputed tables of the next tuple.
     tables: Vec<SharedTables>,
     frames: [Frame; 2],
     levels: Levels,
-    /// Last mask, and its file.
+    /// Last mask [height × width], and its file.
     mask: Option<(Arc<[u8]>, MaskFile)>,
-    /// Bytes of the last tuple's array file.
+    /// Content of the last tuple's array file.
     bytes: Vec<u8>,
 }
 
@@ -61,17 +61,17 @@ impl<'a> TupleRenderer<'a> {
         Self { backend, kept: None, tables, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
     }
 
-    /// One renderer for each lane of a backend. A device has up to four lanes, because a GPU renders a tuple in a
-    /// fraction of the time that encoding takes.
+    /// One renderer for each lane. A device has up to four lanes, because a GPU renders a tuple in a fraction of the
+    /// time that encoding takes.
     pub(crate) fn lanes(backend: &'a Backend) -> Vec<Self> {
         let lanes = if backend.on_host() { lane_count() } else { lane_count().min(DEVICE_LANES_MAX) };
         (0..lanes).map(|_| Self::new(backend)).collect()
     }
 
-    /// The renderer for low (0) or high (1) quality, with the settings of `row`.
+    /// The renderer with the configuration for low (0) or high (1) quality, and the settings of `row`.
     fn renderer(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<&mut Renderer, DatasetError> {
         let (probe, settings) = configured(&scene.station, row, quality);
-        // Drops the renderer of another scene before a new one is made.
+        // Frees another scene's renderer before a new one is made.
         let kept = self.kept.take_if(|(of, _)| Arc::ptr_eq(of, scene));
         self.kept = None;
         let kept = match kept {
@@ -87,7 +87,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(renderer)
     }
 
-    /// Renders the high-quality frame of `row` with `seed`. Returns grey levels.
+    /// Renders the high-quality frame of `row` with another `seed`. Returns its grey levels.
     ///
     /// # Errors
     /// The scene can't be rendered.
@@ -116,7 +116,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(())
     }
 
-    /// Renders both frames of `row`, each with one angle. A device has both in flight.
+    /// Renders both frames of `row`, each with one steering angle. A device works on both at once.
     fn render_both(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<(), DatasetError> {
         let [mut low, mut high] = std::mem::take(&mut self.frames);
         self.renderer(LOW, scene, row)?;
@@ -134,13 +134,13 @@ impl<'a> TupleRenderer<'a> {
         Ok(())
     }
 
-    /// Whether rendering on this device reproduces the tuple of `row`, bit for bit.
+    /// Whether this machine renders the tuple of `row` exactly as its checksum states.
     pub(super) fn agrees(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<bool, DatasetError> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }
 
-    /// Renders the tuple of `row` and writes its array below `directory`. `tables` come from [`tables_of`]. If the
-    /// row already has a checksum, an array with another checksum is refused.
+    /// Renders the tuple of `row` and writes its array below `directory`. `tables` come from [`tables_of`]. If
+    /// `high_quality` is given, it is not rendered. If the row already has a checksum, another one is refused.
     pub(super) fn write(
         &mut self,
         scene: &Arc<TupleScene>,
@@ -158,8 +158,8 @@ impl<'a> TupleRenderer<'a> {
         Ok(tuple)
     }
 
-    /// Renders the tuple of `row`; none of its files need exist. If the high quality is copied from another data set,
-    /// it is not rendered.
+    /// Renders the tuple of `row` into `bytes`; none of its files need exist. If `high_quality` is given, it is not
+    /// rendered.
     fn tuple(
         &mut self,
         scene: &Arc<TupleScene>,
@@ -194,7 +194,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(RenderedTuple { sha256: sha256(&self.bytes), mask: self.mask_file(&path, shape, &mask)?, size })
     }
 
-    /// File of a mask. Consecutive frames with the same mask share its file.
+    /// File for a mask. Consecutive tuples with the same mask share a file.
     fn mask_file(&mut self, path: &Path, shape: [usize; 2], mask: &Arc<[u8]>) -> Result<MaskFile, SinkError> {
         if let Some((_, file)) = self.mask.as_ref().filter(|(of, _)| Arc::ptr_eq(of, mask)) {
             return Ok(file.clone());
@@ -206,17 +206,17 @@ impl<'a> TupleRenderer<'a> {
     }
 }
 
-/// Probe and settings for the low- (0) or high-quality (1) frame of `row`.
+/// Probe and settings for the low-quality (0) or high-quality (1) frame of `row`.
 fn configured(station: &Station, row: &Row, quality: usize) -> (Probe, RenderSettings) {
     let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
     let [rays, layers] = [row.lq, row.hq][quality];
-    // Both qualities have the same maps, so only the low-quality frame renders them.
+    // Both qualities have the same maps, so only the low-quality frame contains them.
     let maps = settings.maps && quality == LOW;
     let quality_of = Quality { rays, layers, seed: row.seed };
     (probe, RenderSettings { quality: quality_of, look: row.look.of(quality), maps, ..settings })
 }
 
-/// Tables for both frames of `row`, shared by all lanes. Tables in `known` are not computed again.
+/// Tables for both frames of `row`, shared by all lanes. Tables in `known` that fit are reused.
 ///
 /// # Errors
 /// The settings are outside their ranges.
@@ -234,7 +234,7 @@ pub(super) fn tables_of(
     Ok(made)
 }
 
-/// Times, s, and poses of the frames of `row` in a live session, the last one included.
+/// Times (s) and poses of the live session's frames that `row` compounds, its own frame last.
 fn live_frames(row: &Row, rolling: &RollingRow) -> impl Iterator<Item = (f64, Pose)> {
     let before = (1..=rolling.poses.len()).rev().zip(&rolling.poses);
     let before =

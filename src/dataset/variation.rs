@@ -6,13 +6,13 @@ use crate::random::SplitMix64;
 use crate::render::{ImageSettings, RenderSettings};
 use crate::transducer::Probe;
 
-/// Ranges in which settings vary about the station's: gain and dynamic range in dB, focus as a factor.
+/// Ranges in which settings vary about the station's: gain and dynamic range (± dB), and factors of the focal depth.
 const GAIN_DB: f64 = 4.0;
 const DYNAMIC_RANGE_DB: f64 = 4.0;
 const FOCUS: (f64, f64) = (0.75, 1.3);
 
 fn within(random: &mut SplitMix64, least: f64, most: f64) -> f64 {
-    // A manifest holds three decimals exactly.
+    // Rounded to three decimals, which a manifest holds exactly.
     (1e3 * random.between(least, most)).round() / 1e3
 }
 
@@ -21,7 +21,7 @@ pub(super) fn whole(random: &mut SplitMix64) -> u64 {
     (random.unit() * 4_294_967_296.0) as u64
 }
 
-/// Random parameters of the phantom of `seed`, within the usual range of a second-trimester pregnancy.
+/// Random phantom parameters from `seed`, within the usual range of a second-trimester pregnancy.
 pub fn parameters(seed: u64) -> Parameters {
     let mut random = SplitMix64::new(seed ^ 0x0070_6861_6e74_6f6d);
     let lie = match random.unit() {
@@ -46,14 +46,14 @@ pub fn parameters(seed: u64) -> Parameters {
         placenta,
         fluid_index_mm: within(&mut random, 80.0, 200.0),
         maternal_fat_mm: within(&mut random, 8.0, 30.0),
-        // JSON readers hold integers up to 2^53 exactly.
+        // Below 2^32; JSON readers hold integers up to 2^53 exactly.
         seed: whole(&mut random),
         ..Parameters::default()
     }
 }
 
 impl SettingsRow {
-    /// Random settings for the exam of `seed`, about the station's settings.
+    /// Random settings for an exam from its `seed`, near the station's settings.
     pub fn draw(seed: u64, probe: &Probe, settings: &RenderSettings) -> Self {
         let mut random = SplitMix64::new(seed ^ 0x7365_7474_696e_6773);
         let ImageSettings { gain_db, dynamic_range_db, .. } = settings.image;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Result of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Verified {
-    /// Number of tuples that were rendered again.
+    /// Number of tuples rendered again.
     pub tuples: usize,
     /// Indices of tuples that this machine renders differently from their rows.
     pub differ: Vec<usize>,
@@ -25,7 +25,7 @@ pub struct Verified {
 }
 
 impl Verified {
-    /// Number of tuples that this machine renders as they are in their files.
+    /// Number of tuples that are neither damaged nor rendered differently.
     pub fn same(&self) -> usize {
         let faulty: BTreeSet<&usize> = self.differ.iter().chain(&self.damaged).collect();
         self.tuples.saturating_sub(faulty.len())
@@ -33,8 +33,8 @@ impl Verified {
 }
 
 impl Dataset {
-    /// Renders `count` tuples again, spread evenly over the data set (0: all), and compares them bit for bit with
-    /// their rows. Their files are read and compared with the rows, too.
+    /// Renders `count` tuples again, spread evenly over the data set (0 for all), and compares them bit for bit with
+    /// their checksums. Also compares their files with the checksums.
     ///
     /// # Errors
     /// The data set has no tuples, or a station or scene can't be loaded or rendered.
@@ -57,7 +57,7 @@ impl Dataset {
         in_order(&mut lanes, rows, compare, |done, (index, agrees, found): (usize, bool, Vec<String>)| {
             differ.extend((!agrees).then_some(index));
             damaged.extend((!found.is_empty()).then_some(index));
-            // Several tuples share a mask, so a fault is listed once.
+            // Tuples may share a mask, so each fault is listed once.
             faults.extend(found);
             progress(Step::Tuples { done: done + 1, total });
             Ok::<_, DatasetError>(())
@@ -65,7 +65,7 @@ impl Dataset {
         Ok(Verified { tuples: total, differ, damaged, faults: faults.into_iter().collect() })
     }
 
-    /// Faults of the files of `row`.
+    /// Faults of the tuple's files, in words.
     fn faults(&self, row: &Row) -> Vec<String> {
         let failed = [self.planes(row).err(), self.mask(row).err()].into_iter().flatten();
         let words = |error: DatasetError| match error {
