@@ -1,10 +1,12 @@
-//! Cost curves: frame time against triangles, rays, layers, axial samples, scanlines and image size, each varied alone,
-//! with the exponent of the best power law.
+//! Cost curves: frame time against triangles, rays, layers, axial samples, scanlines and image size. Each is varied
+//! alone, and a power law is fitted.
 //!
-//! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures
-//! only those. Triangles are those of 32 spheres that fill the view, at the same places for each count; all other
-//! curves use the obstetric phantom. Each number is the median over poses, as `insonify bench` measures them. The output is
-//! also written to `out/cost/cost.md` and `cost.svg`.
+//! `cargo bench --bench cost` takes about three minutes on two cores; `cargo bench --bench cost -- rays layers`
+//! measures only these curves. The curve of triangles uses 32 spheres that fill the view, at the same positions for
+//! each count. All other curves use the obstetric phantom.
+//!
+//! Each number is the median over poses, as `insonify bench` measures it. The output is also written to
+//! `out/cost/cost.md` and `cost.svg`.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -27,17 +29,17 @@ use insonify::station::Station;
 use insonify::statistics::slope;
 use insonify::transducer::Probe;
 
-/// Frames measured for each point.
+/// Number of measured frames for each point of a curve.
 const FRAMES: usize = 7;
 
-/// One point of a curve: the varied value, and the time of a frame and of its most expensive passes, ms.
+/// Point of a curve: value of the varied quantity, median time of a frame, and of each pass, ms.
 struct Point {
     x: f64,
     total_ms: f64,
     passes: Vec<(&'static str, f64)>,
 }
 
-/// A curve: the varied quantity, and the points.
+/// A curve: name of the varied quantity, and points.
 struct Curve {
     name: &'static str,
     points: Vec<Point>,
@@ -88,7 +90,7 @@ fn main() {
     write(&backend, &measured);
 }
 
-/// Writes the tables and the figure.
+/// Writes the tables and the figure to files.
 fn write(backend: &Backend, curves: &[Curve]) {
     let place = if backend.on_host() { "made on the host's cores; " } else { "" };
     let title = format!("Time of a frame with its maps: {place}{} ({})", backend.name(), backend.driver());
@@ -121,7 +123,7 @@ fn triangles(backend: &Backend, settings: &RenderSettings) -> Curve {
     curve
 }
 
-/// A scene in which points are measured.
+/// Scene in which points of a curve are measured.
 struct Measured<'a> {
     backend: &'a Backend,
     scene: Scene,
@@ -134,7 +136,8 @@ impl<'a> Measured<'a> {
         Self { backend, scene, bvh }
     }
 
-    /// The point of `name` at `n`; none, with a line that says why, of what cannot be rendered.
+    /// Measures the point at which the quantity `name` is `n`. If it can't be rendered, prints the reason and returns
+    /// `None`.
     fn point(
         &self,
         name: &'static str,
@@ -151,7 +154,7 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// Markdown table of one curve.
+/// Markdown table of a curve.
 fn table(Curve { name, points, .. }: &Curve) -> String {
     let Some(last) = points.last() else { return String::new() };
     let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();
@@ -165,7 +168,7 @@ fn table(Curve { name, points, .. }: &Curve) -> String {
     text + &format!("| exponent | {:+.2} | {} |\n", exponent(points, |p| p.total_ms), exponents.join(" | "))
 }
 
-/// Slope of the least-squares line through (ln x, ln ms).
+/// Exponent of the power law: slope of the least-squares line through (ln x, ln ms).
 fn exponent(points: &[Point], ms: impl Fn(&Point) -> f64) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|p| (p.x.ln(), ms(p).max(1e-4).ln())).collect();
     slope(&logs).0

@@ -1,8 +1,8 @@
-//! Times of what no command measures: preparation of a scene, changes of a renderer, poses and calibrations.
+//! Times that no command measures: preparation of a scene, changes of a renderer's settings, poses and calibrations.
 //!
-//! `cargo bench --bench parts`; `cargo bench --bench parts -- scene pose` measures only those. Frames and passes:
-//! `insonify bench`; effects: `insonify plan`; generators: `insonify generator`. Scenes are the phantom at a quarter of its
-//! triangles, and that of `configs/obstetric.toml`.
+//! `cargo bench --bench parts` measures all; `cargo bench --bench parts -- scene pose` only some. Commands measure the
+//! rest: frames and passes `insonify bench`, effects `insonify plan`, generators `insonify generator`. The scenes are
+//! the phantom with a quarter of its triangles, and that of `configs/obstetric.toml`.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
@@ -26,13 +26,13 @@ use insonify::station::Station;
 use insonify::statistics::median;
 use insonify::transducer::Probe;
 
-/// Fraction of the full phantom's triangles.
+/// Fraction of the full phantom's triangles that the scaled phantom has.
 const SCALE: f64 = 0.25;
-/// Timed repetitions, after one that does not count.
+/// Timed repetitions, after an uncounted one.
 const REPEATS: usize = 10;
-/// Calls in a repetition of what takes microseconds.
+/// Calls in a repetition if a call takes only microseconds.
 const CALLS: u32 = 20_000;
-/// Interval of 240 measurements a second, ns.
+/// Interval of 240 measurements per second, ns, and time of the first one.
 const PERIOD_NS: u64 = 4_166_667;
 const START_NS: u64 = 1_790_000_000_000_000_000;
 
@@ -47,7 +47,7 @@ fn main() {
     }
 }
 
-/// Prints the median time of `work`, in the mean of `calls` calls.
+/// Prints the median over repetitions of the mean time of `calls` calls of `work`.
 fn print<T>(name: &str, calls: u32, mut work: impl FnMut() -> T) {
     let times = timed(1, REPEATS, || {
         let started = Instant::now();
@@ -60,7 +60,7 @@ fn print<T>(name: &str, calls: u32, mut work: impl FnMut() -> T) {
     println!("  {name:<32} {:>14.6} ms", median(&times).expect("a repetition"));
 }
 
-/// The phantom, its file, and its BVH.
+/// Times the building of the phantom, the import of its file, and the building of its BVH.
 fn scene() {
     let options = PhantomOptions { scale: SCALE, ..PhantomOptions::default() };
     print("phantom at scale 0.25", 1, || build(&options, &|_| {}).expect("the phantom"));
@@ -74,7 +74,7 @@ fn scene() {
     print("BVH build", 1, || Bvh::build(black_box(&scene)).expect("a tree"));
 }
 
-/// Each kind of change of an existing renderer, there and back, and a renderer built.
+/// Times each kind of change of a renderer, applied and undone, and the creation of a renderer.
 fn reconfigurations() {
     type Change = fn(&mut Probe, &mut RenderSettings);
     let changes: [(&str, Change); 6] = [
@@ -119,7 +119,7 @@ fn measurement(i: u32) -> Measurement {
     }
 }
 
-/// Measurements, sampled poses and calibrations.
+/// Times measurements, sampled poses and calibrations.
 fn poses() {
     let mut estimator = Estimator::new(Settings::default());
     let mut i = 0_u32;

@@ -1,8 +1,8 @@
-//! Probe sweep rendered in the browser, without tracker or pipeline: `cargo run --release --example browser_demo --
+//! Renders a probe sweep for the browser, without tracker or pipeline: `cargo run --release --example browser_demo --
 //! configs/sphere.toml [--port N] [--width PIXELS]`. With `--features window`, `--window yes` also opens a window.
 //!
-//! Prints the page's address, then the marks that a page sets. Lines on the standard input set the rest: `tracking
-//! good|held|stuck|stale|lost`, `source generated|held|raw`, `notice TEXT`, `quit`.
+//! Prints the page's address, and the marks that viewers set on the page. Lines on the standard input control the rest:
+//! `tracking good|held|stuck|stale|lost`, `source generated|held|raw`, `notice TEXT`, `quit`.
 
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
@@ -81,7 +81,7 @@ fn main() -> anyhow::Result<()> {
     present(demo, sinks, controls, &lines)
 }
 
-/// Renders and shows frames until a line or a window requests the end.
+/// Renders and shows frames until a line of the input or the window ends the demo.
 fn present(
     mut demo: Demo,
     mut sinks: Vec<Box<dyn LiveSink>>,
@@ -108,7 +108,7 @@ fn present(
         if changed {
             demo.rebuild()?;
         }
-        // A frozen picture is presented once more, marked as frozen, and then only with other settings.
+        // A frozen picture is presented once more, marked as frozen, and after that only if settings change.
         let frozen = demo.shown.info.settings.frozen;
         if frozen && demo.live.frozen && !changed {
             std::thread::sleep(Duration::from_millis(20));
@@ -136,12 +136,12 @@ fn load_scene(station: &Station) -> anyhow::Result<Scene> {
     Ok(station.load_scene_from(&path)?)
 }
 
-/// Prints a mark of the page as a recording would have it.
+/// Prints a mark of the page in the form of a recorded event.
 fn report(event: &Event) {
     println!("{} {}", event.name, event.value.clone().unwrap_or_default());
 }
 
-/// Measures by which the page names its measurements.
+/// The measures that the page offers for measurements.
 fn measures() -> Vec<MeasureInfo> {
     let measure = |name: &str, title: &str, kind| MeasureInfo { name: name.to_owned(), title: title.to_owned(), kind };
     vec![
@@ -205,7 +205,7 @@ impl Demo {
         Ok(())
     }
 
-    /// Renders the next pose of the sweep into `shown`; if frozen, the last pose again.
+    /// Renders the next pose of the sweep into `shown`; if the picture is frozen, the last pose again.
     fn render(&mut self) -> anyhow::Result<()> {
         let sampled = self.started.elapsed();
         if !self.live.frozen || self.shown.info.pose().is_none() {
@@ -228,7 +228,7 @@ impl Demo {
         Ok(())
     }
 
-    /// The station's pose, swayed along x and y and tilted.
+    /// The station's pose, moved along x and y and tilted, at a time of the sweep.
     fn pose(&self, time: Duration) -> Pose {
         let base = self.station.default_pose.unwrap_or(Pose { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY });
         let phase = 0.35 * time.as_secs_f64();

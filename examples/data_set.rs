@@ -1,4 +1,4 @@
-//! A data set: renders pairs of low and high quality about a station's pose into a directory, and reads them:
+//! Makes a data set: renders pairs of low and high quality near a station's pose into a directory, and reads them:
 //! `cargo run --release --example data_set -- [DIRECTORY]`
 
 use std::error::Error;
@@ -8,12 +8,12 @@ use insonify::Station;
 use insonify::dataset::{Dataset, Maker, Recipe, Split};
 use insonify::render::{Backend, BackendChoice};
 
-/// Mean difference of two pictures' grey levels.
+/// Mean absolute difference of the grey levels of two pictures.
 fn difference(lq: &[u8], hq: &[u8]) -> f64 {
     lq.iter().zip(hq).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / lq.len().max(1) as f64
 }
 
-/// Renders `frames` tuples of `hq` rays x layers into `directory`. Those that are there are kept.
+/// Renders `frames` tuples with high quality of `hq` rays × layers into `directory`. Existing tuples are kept.
 pub(crate) fn render(station: &Path, frames: usize, hq: [u32; 2], directory: &Path) -> Result<(), Box<dyn Error>> {
     let recipe = Recipe { frames, hq, frames_per_exam: 2, ..Recipe::new(vec![Station::load(station)?]) };
     let maker = Maker::new(recipe)?;
@@ -24,7 +24,7 @@ pub(crate) fn render(station: &Path, frames: usize, hq: [u32; 2], directory: &Pa
     Ok(())
 }
 
-/// Reads the training pairs of a data set; returns the difference of each.
+/// Reads the training pairs of a data set. Returns the mean difference of each pair.
 pub(crate) fn read(directory: &Path) -> Result<Vec<f64>, Box<dyn Error>> {
     let data = Dataset::open(directory)?;
     let tuples = data.of(Split::Train).map(|row| data.tuple(row));

@@ -1,4 +1,5 @@
-//! Exports the straight rays of a high-quality frame for `scripts/embree-bench`, with the time of the pass.
+//! Exports the straight rays of a high-quality frame for `scripts/embree-bench`, with the time that the pass `trace`
+//! takes.
 //!
 //! cargo run --release --example embree_rays -- configs/obstetric.toml PHANTOM.glb OUT
 
@@ -13,11 +14,11 @@ use insonify::sink::{create_dir, npy, write_json};
 use insonify::station::Station;
 use insonify::statistics::{sorted, upper_median};
 
-/// Number of poses, spread over the exam.
+/// Number of poses, spread over the recorded exam.
 const POSES: usize = 3;
-/// Number of timed frames per pose.
+/// Number of timed frames at each pose.
 const FRAMES: usize = 5;
-/// ln of the amplitude of a segment for which no ray was traced.
+/// Segments whose ln of the amplitude is below this value were not traced.
 const GIVEN_UP_LN: f64 = -100.0;
 
 fn main() -> anyhow::Result<()> {
@@ -30,7 +31,7 @@ fn main() -> anyhow::Result<()> {
     let (recorded, _) = recording::poses(Path::new("assets/exams/obstetric_sweep.mcap"))?;
     let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
 
-    // Coordinates on the device are relative to the middle of the scene.
+    // The device's coordinates are relative to the middle of the scene.
     let centre_mm = Bvh::build(&scene)?.centre_mm;
     let backend = Backend::open(BackendChoice::from_environment()?.unwrap_or_default())?;
     let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
@@ -65,7 +66,7 @@ fn main() -> anyhow::Result<()> {
     let (mut vertices, mut faces, mut first) = (Vec::new(), Vec::new(), 0);
     for surface in &scene.surfaces {
         vertices.extend(surface.mesh.vertices_mm.iter().flat_map(|v| v.to_array()));
-        // Below 2²⁴, integers are exact in f32.
+        // Integers below 2²⁴ are exact in f32.
         faces.extend(surface.mesh.triangles.iter().flatten().map(|i| (i + first) as f32));
         first += u32::try_from(surface.mesh.vertices_mm.len()).context("too many vertices")?;
     }

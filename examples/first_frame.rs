@@ -1,4 +1,4 @@
-//! A first frame: the scene, probe and pose of a station file, rendered on the processor's cores and written as a picture:
+//! A first frame: renders the scene of a station file with its probe and pose, on the processor, and writes a picture:
 //! `cargo run --release --example first_frame -- [STATION] [PICTURE]`
 
 use std::error::Error;
@@ -8,7 +8,7 @@ use insonify::render::{Backend, BackendChoice};
 use insonify::sink::png::{Effort, write_grey};
 use insonify::{Frame, Renderer, Station};
 
-/// Renders what the station's probe sees at its pose.
+/// Renders a frame at the station's pose.
 pub(crate) fn render(station: &Path) -> Result<Frame, Box<dyn Error>> {
     let station = Station::load(station)?;
     let file = station.scene_file().ok_or("the station has a generated scene; take one whose [scene] has a path")?;

@@ -3,8 +3,11 @@
 //! `cargo run --release --example fuzz -- [--seconds N] [--seed N] [--corpus DIR] [TARGET]...`
 //!
 //! It mutates inputs and keeps those with a new outcome. An input that breaks a promise is written to `out/fuzz/` and
-//! named, and the run fails. `--corpus DIR` adds the inputs in `DIR/TARGET`, and stores kept inputs there. The same
-//! folders serve `cargo +nightly fuzz run TARGET` in `fuzz/corpus`, which is guided by coverage and finds more.
+//! It mutates inputs, and keeps those with a new outcome. An input that breaks a promise of its target is written to
+//! `out/fuzz/` and named, and the run fails. `--corpus DIR` adds the inputs in `DIR/TARGET`, and stores kept inputs
+//! there.
+//!
+//! `cargo +nightly fuzz run TARGET` uses the same folders in `fuzz/corpus`. It is guided by coverage and finds more.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -23,7 +26,7 @@ use bodies::{TARGETS, Target};
 /// Longest input, bytes.
 const INPUT_LIMIT: usize = 16 << 10;
 
-/// Largest number of kept inputs.
+/// Largest number of inputs kept per target.
 const CORPUS_LIMIT: usize = 4000;
 
 /// Duration from which an input is reported as slow.
@@ -45,7 +48,7 @@ struct Args {
     targets: Vec<String>,
 }
 
-/// xorshift64*.
+/// Random numbers by the generator xorshift64*.
 struct Random(u64);
 
 impl Random {
@@ -56,7 +59,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// A number below `end`; 0 if `end` is 0.
+    /// Random number below `end`; 0 if `end` is 0.
     fn below(&mut self, end: usize) -> usize {
         ((self.next() >> 33) as usize) % end.max(1)
     }
@@ -81,7 +84,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Fuzzes one target; returns the number of inputs that break a promise.
+/// Fuzzes one target. Returns the number of inputs that broke a promise.
 fn fuzz(target: &Target, args: &Args) -> anyhow::Result<usize> {
     let folder = args.corpus.as_ref().map(|dir| dir.join(target.name));
     let mut corpus = (target.seeds)();
@@ -95,7 +98,7 @@ fn fuzz(target: &Target, args: &Args) -> anyhow::Result<usize> {
     let ends = Duration::from_secs(args.seconds);
     let mut fresh = corpus.len();
     while started.elapsed() < ends || fresh > 0 {
-        // Existing inputs run unchanged first.
+        // Inputs that exist already run first, unchanged.
         let input = if fresh > 0 {
             fresh -= 1;
             corpus[fresh].clone()

@@ -1,4 +1,5 @@
-//! A generator on a frame: renders a station's frame and lets a model translate it; needs ONNX Runtime (`scripts/setup`):
+//! A generator on a frame: renders a station's frame and translates it with a model. Needs ONNX Runtime
+//! (`scripts/setup`):
 //! `cargo run --release --example generator_on_a_frame -- [MODEL] [PICTURE]`
 
 use std::error::Error;
@@ -9,7 +10,7 @@ use insonify::render::{Backend, BackendChoice};
 use insonify::sink::png::{Effort, write_grey};
 use insonify::{Frame, Renderer, Station};
 
-/// A rendered frame, and its translation by the model.
+/// Renders a frame, and translates it with the model. Returns the frame and the generated grey levels.
 pub(crate) fn translate(station: &Path, model: &Path) -> Result<(Frame, Vec<u8>), Box<dyn Error>> {
     let station = Station::load(station)?;
     let scene = station.load_scene_from(station.scene_file().ok_or("take a station whose [scene] has a path")?)?;

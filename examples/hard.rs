@@ -1,10 +1,11 @@
-//! Stress test: the rays of a million random frames through the real passes, without any non-finite value.
+//! Stress test: as many rays as a million random frames have, through the real passes, without any non-finite value.
 //!
 //! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame counts as 256 rays. Each chunk is
-//! a random scene (or the station's) seen from 24 random poses with 32 rays per scanline. Every word that the device
-//! wrote for the frame is checked by its bits. Chunks are numbered and depend only on their number: the state file
-//! records the progress of earlier runs, and the next run continues there. Exits with 1 at the first non-finite word,
-//! and names its chunk and pose.
+//! a random scene (or the station's) seen from 24 random poses with 32 rays per scanline. The bits of every value that
+//! the device wrote for a frame are checked.
+//!
+//! Chunks are numbered, and depend only on their number. The state file records the progress of earlier runs, where the
+//! next run continues. At the first non-finite value, the program names its chunk and pose and exits with 1.
 
 // A test that cannot be set up has nothing to show.
 #![allow(clippy::expect_used)]
@@ -23,9 +24,9 @@ use insonify::selftest::bench::{Bench, silent, small};
 use insonify::station::Station;
 use insonify::transducer::{Probe, ProbeKind};
 
-/// Rays of a frame at low quality.
+/// Number of rays in a low-quality frame.
 const FRAME_RAYS: u64 = 256;
-/// Poses per chunk.
+/// Number of poses in a chunk.
 const POSES: u64 = 24;
 const SCANLINES: u32 = 256;
 const RAYS: u32 = 32;
@@ -55,12 +56,12 @@ struct State {
     overflows: u64,
 }
 
-/// A random vector, each component in -1..1.
+/// Random vector, each component in −1..1.
 fn vector(random: &mut SplitMix64) -> DVec3 {
     DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))
 }
 
-/// A tissue with every value anywhere in its range, the ends included.
+/// Random tissue, each value anywhere in its range, ends included.
 fn tissue(random: &mut SplitMix64) -> Tissue {
     let mut end = |low: f64, high: f64| match random.unit() {
         u if u < 0.1 => low,
@@ -79,7 +80,7 @@ fn tissue(random: &mut SplitMix64) -> Tissue {
     }
 }
 
-/// Bodies of any size, orientation and kind: sound, flat, inverted, torn, without area.
+/// Random bodies of any size, orientation and kind: sound, flat, inverted, torn, or without area.
 fn scene(random: &mut SplitMix64) -> Scene {
     let filled = tissue(random);
     let mut bench = Bench::new(Tissue { density_kg_m3: filled.density_kg_m3.clamp(0.1, 25_000.0), ..filled });
@@ -131,9 +132,9 @@ fn settings() -> RenderSettings {
     settings
 }
 
-/// Number of values checked, and the first value that is not finite or out of range.
+/// Number of values checked, and a description of the first one that is not finite or is out of range.
 fn check(frame: &Frame) -> (u64, Option<String>) {
-    // By bits: a compiler may assume that all values are finite.
+    // Checked by their bits, because a compiler may assume that all values are finite.
     let finite = |v: f32| v.to_bits() & 0x7f80_0000 != 0x7f80_0000;
     let lines = frame.lines.iter().flatten();
     let words = 2 * frame.lines.len() + frame.attenuation.len() + 1;

@@ -1,4 +1,4 @@
-//! A live session with a tracker of one's own, a thread that gives poses, and a sink of one's own, which prints them:
+//! A live session with one's own tracker (a thread that supplies poses) and one's own sink (which prints frames):
 //! `cargo run --release --example live_tracker -- [SECONDS]`
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use insonify::sink::live::{LiveSink, PresentedFrame};
 use insonify::tracker::host_time_ns;
 use insonify::{Pose, Station};
 
-/// Prints each frame's place and latency.
+/// Sink that prints the probe's position and the latency of each frame.
 struct Printer;
 
 impl LiveSink for Printer {
@@ -30,7 +30,7 @@ impl LiveSink for Printer {
     }
 }
 
-/// A session of some seconds; its probe swings across the scene's sphere.
+/// Runs a session of some seconds, in which the probe swings across the scene's sphere.
 pub(crate) fn run(station: &Path, seconds: f64) -> Result<Summary, Box<dyn Error>> {
     let station = Station::load(station)?;
     let scene = station.load_scene_from(station.scene_file().ok_or("take a station whose [scene] has a path")?)?;

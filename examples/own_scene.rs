@@ -1,4 +1,4 @@
-//! A scene of one's own: surfaces from arrays of vertices and triangles, in tissues of one's own:
+//! One's own scene: surfaces from arrays of vertices and triangles, with one's own tissues:
 //! `cargo run --release --example own_scene -- [PICTURE]`
 
 use std::error::Error;
@@ -11,14 +11,14 @@ use insonify::sink::png::{Effort, write_grey};
 use insonify::transducer::Probe;
 use insonify::{Frame, Pose, Renderer, Scene};
 
-/// An octahedron about (0, 0, 60), mm.
+/// Vertices of an octahedron around (0, 0, 60), mm.
 const VERTICES_MM: [[f32; 3]; 6] =
     [[20., 0., 60.], [-20., 0., 60.], [0., 20., 60.], [0., -20., 60.], [0., 0., 80.], [0., 0., 40.]];
-/// Counter-clockwise seen from outside.
+/// Vertex indices of the triangles, counter-clockwise as seen from outside.
 const TRIANGLES: [[u32; 3]; 8] =
     [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
 
-/// The scene: a lesion in a soft tissue, whose echoes are 14 dB stronger.
+/// The scene: a lesion in soft tissue. The lesion's echoes are 14 dB weaker.
 pub(crate) fn scene() -> Result<Scene, Box<dyn Error>> {
     let lesion = Tissue { scatterer_density: 0.9, scatterer_deviation: 0.002, speed_m_s: 1550.0, ..Tissue::default() };
     let soft = Tissue { scatterer_deviation: 0.01, speed_m_s: 1540.0, ..lesion.clone() };
@@ -32,7 +32,7 @@ pub(crate) fn scene() -> Result<Scene, Box<dyn Error>> {
     Ok(scene)
 }
 
-/// A frame of the scene by a probe at the origin, which looks along z.
+/// Renders a frame of the scene with a probe at the origin, facing +z.
 pub(crate) fn render(scene: &Scene) -> Result<Frame, Box<dyn Error>> {
     let probe = Probe { scanlines: 128, ..Probe::default() };
     let backend = Backend::open(BackendChoice::Host)?;

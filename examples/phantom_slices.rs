@@ -12,7 +12,7 @@ use insonify::anatomy::export::tissue_colour;
 use insonify::phantom::{Lie, Organ, Parameters, PlacentaSite, Wall, landmarks, organs};
 use rayon::prelude::*;
 
-/// A plane: file name, centre, right and up on the picture, half width and half height, all mm.
+/// A cut: file name, centre, right and up axes of the picture, half width and half height, mm.
 struct Cut {
     name: &'static str,
     centre: Vec3,
@@ -21,7 +21,7 @@ struct Cut {
     half_mm: [f32; 2],
 }
 
-/// Side of a pixel, mm.
+/// Side of a picture's pixel, mm.
 const PIXEL_MM: f32 = 0.25;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -198,7 +198,7 @@ fn slice(organs: &[Organ], cut: &Cut) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| rows[y as usize][x as usize])
 }
 
-/// Colour of the tissue at `p`: that of the containing organ of highest priority.
+/// Colour of the tissue at `p`: of the organ with the highest priority that contains `p`.
 fn colour(organs: &[Organ], p: Vec3) -> Rgb<u8> {
     let inside = |o: &&Organ| o.solid.bounds().distance_mm(p) <= 0.0 && o.solid.distance_mm(p) < 0.0;
     let Some(organ) = organs.iter().rev().find(inside) else { return Rgb([0, 0, 0]) };

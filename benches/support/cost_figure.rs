@@ -1,4 +1,4 @@
-//! Figure of the cost curves: a panel for each, time against the varied quantity, both axes logarithmic.
+//! Figure of the cost curves, one panel each: time against the varied quantity, both on logarithmic axes.
 
 use plotters::prelude::*;
 
@@ -9,7 +9,7 @@ const PANELS: (usize, usize) = (2, 3);
 const COLOURS: [RGBColor; 4] =
     [RGBColor(213, 94, 0), RGBColor(0, 114, 178), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
 
-/// The curves as SVG.
+/// The figure of the curves as SVG.
 pub(super) fn svg(curves: &[Curve], title: &str) -> Result<String, String> {
     let mut text = String::new();
     draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area(), curves, title).map_err(|e| e.to_string())?;
@@ -32,7 +32,7 @@ where
         let (first, last) = (frames().next().unwrap_or((1.0, 1.0)).0, frames().next_back().unwrap_or((2.0, 1.0)).0);
         let most_ms = frames().map(|(_, ms)| ms).fold(1.0, f64::max);
         let exponent = exponent(&curve.points, |p| p.total_ms);
-        // The labels are above the curves.
+        // The range of times leaves room for labels above the curve.
         let mut chart = ChartBuilder::on(&panel)
             .caption(format!("{}: ms ~ n^{exponent:.2}", curve.name), ("sans-serif", 15))
             .margin(8)

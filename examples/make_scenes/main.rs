@@ -18,7 +18,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes `parts` as a binary glTF file in metres, one node each.
+/// Writes `parts` as a binary glTF file in metres, with one node per part.
 fn write(parts: &[Part], path: &Path) -> anyhow::Result<()> {
     let mut bin = Vec::new();
     let (mut accessors, mut views, mut meshes, mut nodes) = (vec![], vec![], vec![], vec![]);

@@ -1,4 +1,4 @@
-//! Gallbladder with stones below the liver.
+//! Scene: gallbladder with stones below the liver.
 
 use glam::{Quat, Vec3};
 use insonify::anatomy::Mesh;
@@ -8,15 +8,15 @@ use super::{layer, wavy_layer};
 
 /// Centre of the gallbladder, mm.
 const CENTRE_MM: Vec3 = Vec3::new(2.0, 0.0, 62.0);
-/// Semi-axes of its lumen, mm: about 70 × 28 mm, a fasting gallbladder.
+/// Semi-axes of the gallbladder's lumen, mm. It measures about 70 × 28 mm, as when fasting.
 const SEMI_AXES_MM: Vec3 = Vec3::new(35.0, 14.0, 14.0);
-/// Thickness of its wall, mm; up to 3 is normal.
+/// Thickness of the gallbladder's wall, mm; up to 3 is normal.
 const WALL_MM: f32 = 2.0;
-/// Stones: position along the gallbladder (−1 to 1) and radius, mm.
+/// Stones: position along the gallbladder (−1 to 1), and radius, mm.
 const STONES: [(f32, f32); 3] = [(-0.36, 5.5), (0.12, 4.0), (0.48, 3.0)];
 
 /// Skin, fat, muscle and liver over a gallbladder with bile and three stones on its posterior wall. The lung bounds the
-/// liver from below, so that shadow and enhancement show on a bright line.
+/// liver at depth; on this bright line, shadow and enhancement are visible.
 pub(crate) fn gallbladder_stones() -> Vec<Part> {
     let half = (140.0, 60.0);
     vec![
@@ -31,7 +31,7 @@ pub(crate) fn gallbladder_stones() -> Vec<Part> {
     ]
 }
 
-/// Pear shape, `wall_mm` larger all round; its fundus points to +x.
+/// Pear-shaped surface `wall_mm` outside the lumen. The fundus points to +x.
 fn gallbladder(wall_mm: f32) -> Mesh {
     let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
     for v in &mut mesh.vertices_mm {
@@ -40,14 +40,14 @@ fn gallbladder(wall_mm: f32) -> Mesh {
     mesh
 }
 
-/// Scene point in a direction from the gallbladder's centre, on the surface `wall_mm` outside its lumen.
+/// Scene point in a direction from the gallbladder's centre, on the surface `wall_mm` outside the lumen.
 fn in_scene(direction: Vec3, wall_mm: f32) -> Vec3 {
     let axes = SEMI_AXES_MM + wall_mm;
     let wide = 1.0 + 0.22 * direction.x;
     CENTRE_MM + Quat::from_rotation_y(0.2) * (axes * direction * Vec3::new(1.0, wide, wide))
 }
 
-/// Dome of the lung behind the liver.
+/// Dome of the lung, deeper than the liver.
 fn lung() -> Mesh {
     let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
     for v in &mut mesh.vertices_mm {

@@ -1,19 +1,20 @@
-//! Chest wall over aerated lung.
+//! Scene: chest wall over aerated lung.
 
 use glam::Vec3;
 use insonify::anatomy::analytic::{Part, joined, tube};
 
 use super::{layer, wavy_layer};
 
-/// Depth of the visceral pleura, where the air begins, mm.
+/// Depth of the visceral pleura, at which the air begins, mm.
 pub(super) const AIR_MM: f32 = 20.4;
 
 /// Skin, fat, muscle, two ribs and the pleura over air, seen along the chest: the "bat sign" of lung ultrasound.
 ///
-/// A-lines are reverberations between the pleura and the probe. The tracer knows only surfaces, so "probe face", a
-/// sheet above the skin, stands for the probe; it reflects partly, like a transducer's layers. This holds while the
-/// probe is level on the skin, anywhere along the chest. B-lines come from bubbles in fluid far smaller than a
-/// millimetre, which surfaces can't represent: there are none.
+/// A-lines are reverberations between pleura and probe. The tracer knows only surfaces, so a sheet above the skin,
+/// "probe face", stands for the probe. It reflects part of the sound, as a transducer's layers do. This holds while the
+/// probe is level on the skin, anywhere along the chest.
+///
+/// There are no B-lines. They come from bubbles in fluid far smaller than a millimetre, which surfaces can't represent.
 pub(crate) fn lung_air() -> Vec<Part> {
     let half = (80.0, 40.0);
     let rib = |x: f32| {

@@ -1,4 +1,5 @@
-//! Scenes of `assets/scenes`. Some each call for a different set of effects, for measurement, teaching and demonstration:
+//! Scenes of `assets/scenes`. Four of them each call for a particular set of effects, for measurement, teaching and
+//! demonstration:
 //!
 //! | scene | effects |
 //! |---|---|
@@ -26,7 +27,7 @@ use insonify::anatomy::analytic::{self, Part};
 /// Constructor of a scene's parts.
 pub(crate) type MakeParts = fn() -> Vec<Part>;
 
-/// Scenes of `assets/scenes`, by file stem. `cargo run --example make_scenes` writes them.
+/// Scenes of `assets/scenes`, by file name without suffix. `cargo run --example make_scenes` writes them.
 pub(crate) const SCENES: [(&str, MakeParts); 8] = [
     ("speckle_block", analytic::speckle_block),
     ("sphere", analytic::cyst),
@@ -38,7 +39,7 @@ pub(crate) const SCENES: [(&str, MakeParts); 8] = [
     ("lung_air", lung_air),
 ];
 
-/// Flat layer over the whole scene from depth `top_mm` to `bottom_mm`, with half width `half_mm` (x, y).
+/// Flat layer over the whole scene, from depth `top_mm` to `bottom_mm`. Its half widths in x and y are `half_mm`.
 fn layer(
     name: &'static str,
     tissue: &'static str,
@@ -51,7 +52,7 @@ fn layer(
     Part { name, tissue, priority, mesh }
 }
 
-/// As [`layer`], with faces that undulate by `wave_mm` over some centimetres, like those of a body.
+/// As [`layer`], but its faces undulate with amplitude `wave_mm` and periods of some centimetres, as in a body.
 fn wavy_layer(
     name: &'static str,
     tissue: &'static str,
@@ -63,7 +64,7 @@ fn wavy_layer(
     const COLUMNS: u32 = 64;
     const ROWS: u32 = 10;
     let mut mesh = Mesh::default();
-    // Each layer has its own phase.
+    // Gives each layer another phase.
     let phase = top_mm;
     for depth in [top_mm, bottom_mm] {
         for j in 0..=ROWS {
@@ -80,7 +81,7 @@ fn wavy_layer(
     for j in 0..ROWS {
         for i in 0..COLUMNS {
             let a = j * stride + i;
-            // The upper face looks to −z.
+            // The upper face points to −z.
             quad([a, a + stride, a + stride + 1, a + 1]);
             quad([under + a, under + a + 1, under + a + stride + 1, under + a + stride]);
         }

@@ -1,4 +1,4 @@
-//! Needle on its way into a vessel, and a guide wire through it, both in the imaging plane.
+//! Scene: needle on its way into a vessel, and a guide wire through it, both in the scan plane.
 
 use glam::Vec3;
 use insonify::anatomy::Mesh;
@@ -6,31 +6,31 @@ use insonify::anatomy::analytic::{Part, tube};
 
 use super::{layer, wavy_layer};
 
-/// Position of the needle's tip, in the vessel, mm.
+/// Position of the needle's tip, inside the vessel, mm.
 const TIP_MM: Vec3 = Vec3::new(-2.0, 0.0, 20.0);
 /// Radius of an 18-gauge needle, mm (ISO 9626: 1.2 to 1.3 mm wide).
 const NEEDLE_RADIUS_MM: f32 = 0.63;
 /// Radius of a guide wire of 0.035 inch, mm.
 const WIRE_RADIUS_MM: f32 = 0.445;
 
-/// Scene with the needle at 32° to the skin.
+/// The scene with the needle at 32° to the skin.
 pub(crate) fn vessel_needle() -> Vec<Part> {
     vessel_needle_at(32.0)
 }
 
 /// Vessel with a steel needle and a steel guide wire.
 ///
-/// The vessel is 8 mm wide at a depth of 20 mm along x, below skin, fat, fascia and muscle. The needle enters from the
-/// left at `angle_deg` (10 to 80) to the skin; the wire runs from its tip along the vessel.
+/// The vessel runs along x at a depth of 20 mm and is 8 mm wide, below skin, fat, fascia and muscle. The needle enters
+/// from the left at `angle_deg` (10 to 80) to the skin. The wire runs from the needle's tip along the vessel.
 ///
-/// The needle deflects the beam, all of it beyond 15.5° (Snell, from muscle into steel; solids have no shear waves
-/// here), and is fainter the steeper it is. The wire is perpendicular to the beam, which enters it and reverberates
-/// between its sides.
+/// The needle reflects the beam to the side, and all of it beyond 15.5° (Snell, from muscle into steel; solids have no
+/// shear waves here). The steeper it is, the fainter it appears. The wire is perpendicular to the beam, which enters it
+/// and reverberates between its sides.
 pub(crate) fn vessel_needle_at(angle_deg: f32) -> Vec<Part> {
     let half = (60.0, 30.0);
     let angle = angle_deg.clamp(10.0, 80.0).to_radians();
     let along = Vec3::new(angle.cos(), 0.0, angle.sin());
-    // From 12 mm above the skin, beside the probe, to the tip, which narrows over 2 mm.
+    // From 12 mm above the skin, next to the probe, to the tip. Over the last 2 mm the needle narrows.
     let length = (TIP_MM.z + 12.0) / along.z;
     let on_needle = |at: f32, radius: f32| (TIP_MM - along * at, (radius, radius));
     let needle = tube(
@@ -58,7 +58,7 @@ fn vessel(radius_mm: f32) -> Mesh {
     tube(&(-14..=14).map(ring).collect::<Vec<_>>(), 48)
 }
 
-/// From inside the needle in a bend to the lower half of the vessel, and level from there.
+/// Wire that begins inside the needle, bends to the lower half of the vessel, and continues along the vessel.
 fn guide_wire(along: Vec3) -> Mesh {
     let start = TIP_MM - along * 3.0;
     let (p1, end) = (TIP_MM + along * 3.0, Vec3::new(9.0, 0.0, 22.0));

@@ -1,4 +1,4 @@
-//! Quality-assurance phantom, after the layout of [`insonify::anatomy::specimens::qa`].
+//! Scene: quality-assurance phantom with the layout of [`insonify::anatomy::specimens::qa`].
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -16,8 +16,7 @@ use super::layer;
 const NEAR_FIELD_MM: [(f32, f32); 5] = [(-28.0, 1.0), (-26.0, 2.0), (-24.0, 3.0), (-22.0, 4.0), (-20.0, 5.0)];
 const HALF_LENGTH_MM: f32 = 38.0;
 
-/// The phantom: a block of tissue-mimicking material from x = −45 to 45 mm and z = 0.3 to 130 mm, the probe's gel above
-/// it.
+/// Block of tissue-mimicking material from x = −45 to 45 mm and z = 0.3 to 130 mm. The probe's gel is above it.
 pub(crate) fn qa_phantom() -> Vec<Part> {
     let mut parts = vec![
         layer("background", "tmm", 1, (45.0, 40.0), (0.3, 130.0)),
