@@ -90,8 +90,8 @@ impl Open {
         angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
     }
 
-    /// Qualities to measure, by increasing number of paths: those of the table that are open, inputs of generators, and
-    /// the station's own.
+    /// Qualities to measure, by increasing number of paths: the table's open ones, inputs of generators, and the
+    /// station's own.
     pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
         let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
         let of_table =
@@ -138,7 +138,7 @@ impl Open {
     /// ranks.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
-        // With an unknown time, 0, rendered frames show no load.
+        // If the time is unknown (0), the times of rendered frames show no load.
         let render_ms = times.render(quality, true).unwrap_or(0.0);
         let of = |(rank, model): (usize, &Model)| {
             let (error, run_ms) = (BySpeed::all(1.0 + rank as f64), times.run(&model.key)?);

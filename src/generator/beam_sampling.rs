@@ -299,7 +299,7 @@ impl Picture<'_> {
         Corners { first: top * width + left, weights, nearest: below * width + right }
     }
 
-    /// First column of a picture row inside the sector, and an entry of [`Cells`] (position and weights) for each pixel
+    /// First column of a picture row inside the sector, and entries of [`Cells`] (positions and weights) for the pixels
     /// from there to the last one inside.
     fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<(u32, u16)>) {
         let beam = |column: usize| self.geometry.beam_at(column as u32, row as u32);

@@ -46,8 +46,8 @@ impl Generator {
     /// [`Precision::Auto`] chooses a precision that is refused, float32 replaces it, with a warning.
     ///
     /// # Errors
-    /// Files that cannot be read or contradict each other, a provider or a precision that is not available, a model that ONNX
-    /// Runtime refuses, a tissue without a class, or a parity pair that does not match.
+    /// A file that cannot be read, or contradicts another; a provider or a precision that is not available; a model
+    /// that ONNX Runtime refuses; a tissue without a class; or a parity pair that does not match.
     pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let manifest = Manifest::load(&Manifest::path_of(path))?;
         let stored = Stored::choose(path, &manifest, options)?;

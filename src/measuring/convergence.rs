@@ -1,4 +1,4 @@
-//! Reference pictures, rendered with so many paths that further paths change little.
+//! Reference pictures with so many rays and layers that more of them change little.
 
 use std::fmt;
 

@@ -21,7 +21,8 @@ const LEAN: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
 pub struct Planned {
     /// Unique name.
     pub name: String,
-    /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, `generator`, or one of [`Knobs::values`].
+    /// Name of the varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, `generator`, or one of
+    /// [`Knobs::values`].
     pub sweep: &'static str,
     /// Name of the neighbouring point with which the noise test compares this point.
     pub against: Option<String>,

@@ -23,7 +23,7 @@ pub struct Point {
     pub error: Errors,
     /// Errors by tissue.
     pub classes: Vec<ClassError>,
-    /// True if no other point is at least as fast and as accurate, and better in one of both.
+    /// True if no other point is at least as fast and as accurate, and better in one of the two.
     #[serde(default)]
     pub on_front: bool,
     /// True if the time differs from the neighbour's by at most the spread of repeats.
@@ -105,8 +105,10 @@ pub struct ClassError {
     pub contrast_lost: Option<f64>,
 }
 
-/// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
-/// Accuracy is the error of pixels: the compounded reference has little speckle, so the speckle of a picture is its error.
+/// Marks the Pareto-optimal points: no other point is at least as fast and as accurate, and better in one of the two.
+///
+/// Accuracy is the error of pixels. The compounded reference has little speckle, so the speckle of a picture is an
+/// error.
 pub(crate) fn mark_front(points: &mut [Point]) {
     let all: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&all) {

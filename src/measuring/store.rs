@@ -1,4 +1,4 @@
-//! Measured results on disk, for a resumed measurement, and the identity of the frames behind them.
+//! Measured results on disk, for a resumed measurement, and the identity of the measured frames.
 
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};

@@ -87,12 +87,12 @@ pub struct SweepReport {
 }
 
 impl<'a> Sweep<'a> {
-    /// Loads the station's generators, measures a few frames to estimate the duration, and opens the store of results in
-    /// `directory`, which is made if missing. `scene` is the station's.
+    /// Loads the station's generators, measures a few frames to estimate the duration, and opens the store of results
+    /// in `directory`, which is made if missing. `scene` is the station's.
     ///
     /// # Errors
-    /// A station without poses, a scene that cannot be rendered, ONNX Runtime that is missing, or a directory that cannot be
-    /// used.
+    /// A station without poses, a scene that cannot be rendered, ONNX Runtime that is missing, or a directory that
+    /// cannot be used.
     pub fn prepare(
         backend: &'a Backend,
         station: &'a Station,

@@ -143,7 +143,8 @@ fn fan(harmonics: bool) -> Probe {
     Probe { kind, harmonics, frequency_mhz: 4.0, focus_mm: POINT_MM, ..Probe::default() }
 }
 
-/// Standard deviation of the levels in the middle of the last of `frames` successive pictures, dB.
+/// Standard deviation of the levels, dB, in the middle of a picture. The picture is the last of `frames` successive
+/// ones.
 fn deviation_db(rig: &mut Rig, place: DVec2, look: LookSettings, frames: u32) -> Result<f64, RenderError> {
     let probe = super::bench::linear(256, 0.3, 1536, 80.0);
     let base = small(1, 1);

@@ -171,8 +171,8 @@ mod tests {
 
     use super::*;
 
-    /// Sensor poses of a step, for a convex probe. Its sensor is 90 mm behind the face and turned by 90° about the beam
-    /// axis.
+    /// Sensor poses of a step, for a convex probe. Its sensor is 90 mm from the face, away from the body, and turned by
+    /// 90° about the beam axis.
     fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
         let sensor_from_probe = Pose { position_mm: DVec3::Z * 90.0, orientation: DQuat::from_rotation_z(FRAC_PI_2) };
         let pose = |i: u32| {

@@ -271,6 +271,7 @@ impl Manifest {
 
     /// Reads and checks the manifest at `path`.
     ///
+    /// # Errors
     /// A file that cannot be read, text that is no manifest, or values that contradict each other. The error names the
     /// file.
     pub fn load(path: &Path) -> Result<Self, GeneratorError> {

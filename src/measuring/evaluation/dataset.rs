@@ -121,8 +121,8 @@ impl<'a> Evaluation<'a> {
     /// Chooses the tuples and loads the models.
     ///
     /// # Errors
-    /// A split without tuples, a data set whose first class isn't `outside`, ONNX Runtime that is missing (the built-in network
-    /// texture64 always runs), or a model that cannot be loaded.
+    /// A split without tuples, a data set whose first class isn't `outside`, or a model that cannot be loaded. ONNX
+    /// Runtime is always needed, because the built-in network texture64 runs.
     pub fn new(dataset: &'a Dataset, models: &Models, settings: Settings) -> Result<Self, MeasuringError> {
         let chosen = chosen(dataset, &settings)?;
         let tissues = dataset.header.classes.get(1..).unwrap_or_default();

@@ -85,7 +85,8 @@ impl Features {
 /// Fréchet distance over all images. In folders of rendered frames, maps are left out.
 ///
 /// # Errors
-/// Files that cannot be read, images without a partner or of different sizes, or a feature extractor that cannot be loaded.
+/// Files that cannot be read, images without a partner or of different sizes, or a feature extractor that cannot be
+/// loaded.
 pub fn compare(
     images: &Path,
     references: &Path,

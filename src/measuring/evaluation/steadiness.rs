@@ -63,8 +63,8 @@ pub struct SteadinessRow {
 /// frames have the station's seed, as in a live session.
 ///
 /// # Errors
-/// A station without a pose or with a scene that cannot be loaded or rendered, a generator that cannot be loaded or run, or
-/// fewer than two frames.
+/// A station without a pose or with an unusable scene, a generator that cannot be loaded or run, or fewer than two
+/// frames.
 pub fn steadiness(
     station: &Station,
     models: &Models,
