@@ -2,7 +2,6 @@
 //!
 //! `cargo run --release --example fuzz -- [--seconds N] [--seed N] [--corpus DIR] [TARGET]...`
 //!
-//! It mutates inputs and keeps those with a new outcome. An input that breaks a promise is written to `out/fuzz/` and
 //! It mutates inputs, and keeps those with a new outcome. An input that breaks a promise of its target is written to
 //! `out/fuzz/` and named, and the run fails. `--corpus DIR` adds the inputs in `DIR/TARGET`, and stores kept inputs
 //! there.

@@ -1,4 +1,4 @@
-//! Stress test: as many rays as a million random frames have, through the real passes, without any non-finite value.
+//! Stress test: traces as many rays as a million random frames have, and checks that all values stay finite.
 //!
 //! `make hard ARGS="--frames N --seconds S --state FILE --station STATION"`. A frame counts as 256 rays. Each chunk is
 //! a random scene (or the station's) seen from 24 random poses with 32 rays per scanline. The bits of every value that

@@ -90,8 +90,8 @@ impl Open {
         angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
     }
 
-    /// Qualities to measure, by increasing number of paths: the table's open ones, inputs of generators, and the
-    /// station's own.
+    /// Qualities to measure, by increasing number of paths: those of the table that the station allows, inputs of
+    /// generators, and the station's own.
     pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
         let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
         let of_table =

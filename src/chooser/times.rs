@@ -16,7 +16,7 @@ use crate::sink::write_json;
 use crate::station::Station;
 use crate::statistics::{mean, nearest_rank, sorted};
 
-/// Timed frames, or generator runs, of an operating point after one uncounted one.
+/// Number of timed frames, or generator runs, of an operating point. An uncounted one comes first.
 const FRAMES: usize = 5;
 /// Time after which no further point is measured, s.
 const ENOUGH_S: f64 = 2.5;

@@ -4,7 +4,7 @@ use super::{ATTENUATION_POWER, DatasetError};
 
 /// Number of low bits of an `f32` pattern that are dropped for an index into `Levels::least`.
 const SHIFT: u32 = 17;
-/// Number of indices for the values 0 to 1.
+/// Number of indices into `Levels::least` for the values 0 to 1.
 const CHOICES: usize = (ONE >> SHIFT) as usize + 1;
 /// Bit pattern of 1.0 as an `f32`.
 const ONE: u32 = 0x3f80_0000;

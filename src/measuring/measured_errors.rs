@@ -22,7 +22,7 @@ pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3)
 pub const ANGLES: [u32; 3] = [1, 3, 9];
 /// Largest number of paths of operating points that are also measured without the effect `aperture`.
 const PATHS_WITHOUT_APERTURE: u32 = 3;
-/// Frames before each measured one: one for each angle but the last, at the largest number of angles.
+/// Number of frames rendered before each measured one: the largest number of angles minus one.
 const FRAMES_BEFORE: u32 = 8;
 /// Poses at which the convergence of the reference is checked, one for each speed. References at other poses have as
 /// many paths.

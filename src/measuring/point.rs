@@ -78,7 +78,7 @@ pub struct Errors {
     pub identical: usize,
     /// SSIM.
     pub ssim: f64,
-    /// pKL, nats.
+    /// pKL, nats; `None` if no image has a patch.
     pub pkl: Option<f64>,
     /// Envelope SNR minus the reference's, mean over the tissues whose SNR is known.
     pub snr_difference: Option<f64>,
@@ -97,9 +97,9 @@ pub struct ClassError {
     pub pixels: usize,
     /// Mean grey level minus the reference's.
     pub grey_difference: f64,
-    /// Envelope SNR.
+    /// Median envelope SNR of the tissue's patches, mean over poses; `None` if unknown.
     pub envelope_snr: Option<f64>,
-    /// Envelope SNR of the reference.
+    /// Envelope SNR in the reference; `None` if unknown.
     pub reference_snr: Option<f64>,
     /// Lost share of the contrast at the tissue's borders.
     pub contrast_lost: Option<f64>,

@@ -87,7 +87,7 @@ impl PointController {
         self.failures[generator].0 = 0;
     }
 
-    /// Changes to the best point that may be chosen, away from the present generator. `None` if the point stays.
+    /// Changes to the best allowed point, because the present generator must stop. `None` if no other point is allowed.
     pub(super) fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
         let load = self.load(SUDDEN).unwrap_or(Load::START);
         let to = self.best(now_s, load, self.spread(SUDDEN), 1.0);

@@ -54,7 +54,7 @@ pub struct Candidate {
     pub run_ms: f64,
 }
 
-/// Largest times of a frame.
+/// Time limits of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameBudget {
     /// Largest time for rendering and generating a frame, ms; `None` limits only generator runs.
@@ -122,9 +122,9 @@ pub struct PointController {
     /// Rendering time of the last frame, ms. The time of the generator run on it is added later.
     rendered_ms: f64,
     frames_without_run: u32,
-    /// Start of the time in which a better point would fit without a break, s; `None` if none fits now.
+    /// Time since which a better point has always been predicted to fit, s; `None` if none fits now.
     fits_since: Option<f64>,
-    /// Start of the time in which the 95th percentile exceeds the budget, s; `None` if it doesn't now.
+    /// Time since which the 95th percentile has exceeded the budget, s; `None` if it doesn't now.
     often_since: Option<f64>,
     /// Frames until this time are ignored, s.
     rests_until: f64,

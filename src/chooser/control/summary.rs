@@ -36,7 +36,7 @@ pub struct PointSummary {
     pub lowered: u64,
     /// Number of changes to a better point.
     pub raised: u64,
-    /// Number of points for which the device had no room.
+    /// Number of points that were too large for the device.
     pub refused: u64,
     /// Whether a watcher set the quality by hand. From then on, at most the generator was chosen.
     pub by_hand: bool,

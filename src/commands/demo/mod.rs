@@ -30,7 +30,7 @@ use super::effects::EffectArgs;
 use super::progress::Progress;
 use super::{Classify, Failure, output, session};
 
-/// Station and exam, embedded so that the demo runs from any directory.
+/// Files of the station and of the recorded exam, embedded so that the demo runs from any directory.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
 const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";

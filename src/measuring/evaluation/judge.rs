@@ -12,7 +12,7 @@ use crate::quality::structures::{contrast_lost, structures};
 use crate::quality::{FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, cut, frechet_distance_of};
 use crate::statistics::mean;
 
-/// Feature vectors of crops and of full fields of view, one per image.
+/// Feature vectors that one extractor computed from crops, and from full fields of view.
 #[derive(Clone, Default)]
 pub(super) struct Vectors {
     pub(super) crops: Vec<Vec<f64>>,

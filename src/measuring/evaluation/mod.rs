@@ -6,6 +6,7 @@
 //!
 //! Without the feature `generator`, only [`compare`] without a feature extractor and [`steadiness`] without generators
 //! work.
+//!
 //! ```no_run
 //! use std::path::{Path, PathBuf};
 //!

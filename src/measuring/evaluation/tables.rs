@@ -76,7 +76,7 @@ impl SteadinessReport {
     }
 }
 
-/// The paper's table.
+/// Table in the form of Zhang et al. 2020, with a line for each row of the report.
 fn table(
     rows: &[RowReport],
     summary: impl Fn(&RowReport) -> Option<&Summary>,
