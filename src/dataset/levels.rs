@@ -48,7 +48,7 @@ impl Levels {
     }
 }
 
-/// Computes the level of an attenuation by its power.
+/// Computes the level of an attenuation without tables.
 fn level_of(attenuation: f32) -> u8 {
     (attenuation.powf(ATTENUATION_POWER) * 255.0).round() as u8
 }

@@ -15,7 +15,7 @@ use crate::phantom::Parameters;
 use crate::pose::{Pose, TimedPose, interpolate};
 use crate::random::SplitMix64;
 
-/// Two key frames of an exam must be this far apart, or turned by this angle.
+/// Two key frames of an exam must be at least this far apart (mm), or turned by at least this angle (degrees).
 const APART_MM: f64 = 4.0;
 const APART_DEG: f64 = 4.0;
 /// Attempts to draw a key frame that is on the skin and far enough from the others.

@@ -39,9 +39,9 @@ pub struct Point {
 pub struct Time {
     /// Number of measured frames.
     pub frames: usize,
-    /// Median.
+    /// Median of the times.
     pub median_ms: f64,
-    /// 95th percentile.
+    /// 95th percentile of the times.
     pub p95_ms: f64,
     /// Interquartile range of the times after subtracting the median of each pose: the spread of repeats, not of poses.
     pub spread_ms: f64,
@@ -91,7 +91,7 @@ pub struct Errors {
 /// Errors of one tissue, averaged over the poses that show it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassError {
-    /// Name.
+    /// Name of the tissue.
     pub tissue: String,
     /// Number of the tissue's pixels over all poses.
     pub pixels: usize,

@@ -56,9 +56,9 @@ pub struct Sweep<'a> {
 /// Machine on which a sweep runs.
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
-    /// Rendering device.
+    /// Name of the rendering device.
     pub device: String,
-    /// Processor.
+    /// Name of the processor.
     pub processor: String,
     /// Number of the processor's threads.
     pub threads: usize,

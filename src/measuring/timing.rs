@@ -12,7 +12,7 @@ use crate::render::{Backend, RenderSettings};
 use crate::statistics::{median, percentile};
 use crate::transducer::Probe;
 
-/// Rounds in which variants are measured.
+/// Number of rounds in which variants are measured.
 const ROUNDS: usize = 7;
 /// Time after which no further round starts, once `ROUNDS_MIN` are done: slow devices measure fewer rounds.
 const LONG: Duration = Duration::from_secs(30);

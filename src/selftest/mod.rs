@@ -58,7 +58,7 @@ pub struct Check {
     pub group: &'static str,
     /// Measured quantity.
     pub name: String,
-    /// Unit of the next three numbers; empty for ratios.
+    /// Unit of `expected`, `measured` and `tolerance`; empty for ratios.
     pub unit: &'static str,
     /// Theoretical value.
     pub expected: f64,

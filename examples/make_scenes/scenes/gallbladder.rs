@@ -15,8 +15,8 @@ const WALL_MM: f32 = 2.0;
 /// Stones: position along the gallbladder (−1 to 1), and radius, mm.
 const STONES: [(f32, f32); 3] = [(-0.36, 5.5), (0.12, 4.0), (0.48, 3.0)];
 
-/// Skin, fat, muscle and liver over a gallbladder with bile and three stones on its posterior wall. The lung bounds the
-/// liver at depth; on this bright line, shadow and enhancement are visible.
+/// Skin, fat, muscle and liver over a gallbladder with bile and three stones on its posterior wall. Deeper than the
+/// liver, the lung gives a bright line, on which shadow and enhancement are visible.
 pub(crate) fn gallbladder_stones() -> Vec<Part> {
     let half = (140.0, 60.0);
     vec![

@@ -62,9 +62,9 @@ pub(super) struct Row {
 pub struct RowReport {
     /// `LQ`, the generator's name, or the name of the repeated high quality.
     pub name: String,
-    /// Model file of the generator, if the row is one.
+    /// Model file, if the row is a generator's.
     pub model: Option<PathBuf>,
-    /// Maps that the generator takes, if the row is one.
+    /// Maps that the generator takes, if the row is a generator's.
     pub variant: Option<Variant>,
     /// Scores on random crops; `None` without crops.
     pub crops: Option<Summary>,
