@@ -102,7 +102,7 @@ impl Recipe {
         Ok(Qualities { lq: *first, lq_more: more.to_vec(), hq: self.hq })
     }
 
-    /// Steering angles of low and of high quality, and the compounding settings that both share.
+    /// Numbers of steering angles of low and of high quality, and the compounding settings that both share.
     pub(super) fn compounding(&self) -> Result<CompoundingRow, DatasetError> {
         let look = self.stations.first().map(|station| station.settings.look).unwrap_or_default();
         let span_deg = self.span_deg.unwrap_or(look.span_deg);

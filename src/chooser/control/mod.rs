@@ -292,8 +292,8 @@ impl PointController {
         }
     }
 
-    /// Forgets the recorded times, because the cost of frames changed at `now_s`, and ignores frames for [`REST_S`]
-    /// seconds.
+    /// Forgets the recorded times, because the cost of frames changed at `now_s`, and ignores frames for
+    /// `REST_S` seconds.
     pub fn rest(&mut self, now_s: f64) {
         self.forget();
         self.rests_until = now_s + REST_S;
