@@ -1,52 +1,52 @@
-//! Order of the steering angles of a compounded picture while the probe moves.
+//! Order in which the steering angles of a compounded picture are rendered while the probe moves.
 //!
-//! A picture is the mean of pictures of several steering angles, made one after another. Those from poses that the probe has
-//! left would smear it. They are left out. While the probe moves fast only the inner angles are made, which show more of
-//! the sector.
+//! A compounded picture is the mean of pictures of several steering angles, made one after another. Pictures from poses
+//! that the probe has left would smear the mean, so they are left out. While the probe moves fast, only the inner
+//! angles are rendered, which show more of the sector.
 
 use glam::DVec3;
 
 use insonify_core::pose::Pose;
 use insonify_core::settings::LookSettings;
 
-/// Distance across the slice at which a registered picture weighs about 1/e, mm. Speckle has decorrelated by then (its power
-/// by half at 0.5 mm, at all depths); structures have not.
+/// Distance across the slice at which a registered picture weighs about 1/e, mm. Speckle has decorrelated at that
+/// distance (its power by half at 0.5 mm, at all depths); structures have not.
 pub(super) const ACROSS_SIGMA_MM: f64 = 1.2;
-/// Distance across the slice within which registered pictures count, mm: beyond it they weigh next to nothing.
+/// Largest distance across the slice at which registered pictures are averaged, mm: farther ones weigh next to nothing.
 const ACROSS_MM: f64 = 2.0 * ACROSS_SIGMA_MM;
-/// Motion within the slice that registered pictures may span, in parts of the reach. They are brought to the present pose,
-/// but a steered picture doesn't show what has just come into the sector.
+/// Largest motion within the slice between registered pictures, as a multiple of `look.reach_mm`. Registration moves
+/// pictures to the present pose, but a steered picture doesn't show what has just come into the sector.
 const WITHIN: f64 = 3.0;
 
-/// Place of a picture.
+/// Pose at which a picture was made, and its contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
     /// Pose relative to the scene.
     pub(super) pose: Pose,
     /// Point of the central scanline at full depth, mm.
     deep_mm: DVec3,
-    /// Whether any of the face touches the body.
+    /// Whether any part of the face is coupled to the body.
     coupled: bool,
 }
 
 impl Place {
-    /// Place of a picture of `depth_mm` at `pose`.
+    /// `depth_mm` is the depth of the image.
     pub(super) fn new(pose: Pose, depth_mm: f64, coupled: bool) -> Self {
         Self { pose, deep_mm: pose.position_mm + depth_mm * pose.transform_vector(DVec3::Z), coupled }
     }
 
-    /// Displacements from another place, of the face's centre and in the depth, mm.
+    /// Displacements from `other` to this place: of the face's centre, and of the central scanline's deepest point, mm.
     fn moved_mm(&self, other: &Self) -> [DVec3; 2] {
         [self.pose.position_mm - other.pose.position_mm, self.deep_mm - other.deep_mm]
     }
 
-    /// Largest displacement from another place, mm.
+    /// Larger of the two displacements from `other`, mm.
     fn distance_mm(&self, other: &Self) -> f64 {
         let [face, deep] = self.moved_mm(other);
         face.length().max(deep.length())
     }
 
-    /// Largest distance of another place from this one's slice, mm.
+    /// Larger of the two displacements from `other` along the normal of this slice, mm.
     fn across_mm(&self, other: &Self) -> f64 {
         let normal = self.pose.transform_vector(DVec3::Y);
         let [face, deep] = self.moved_mm(other);
@@ -54,28 +54,28 @@ impl Place {
     }
 }
 
-/// Selection of the pictures in a live mean.
+/// Rules for which pictures a live mean includes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rules {
-    /// Whether pictures are brought to the present pose.
+    /// Whether pictures are resampled at the present pose before they are averaged.
     pub(super) registration: bool,
-    /// Displacement from which pictures are left out, mm; of registered ones, across the slice.
+    /// Largest displacement of an included picture, mm; with registration, of its part across the slice.
     pub(super) reach_mm: f64,
 }
 
 impl Rules {
-    /// Rules of a station's look.
+    /// Rules from the settings `look`.
     pub(super) fn of(look: &LookSettings) -> Self {
         Self { registration: look.registration, reach_mm: look.reach_mm }
     }
 
-    /// Whether a picture that was made at `kept` is part of a picture at `place`.
+    /// Whether the mean at `place` includes a picture made at `kept`.
     pub(super) fn keep(&self, kept: &Place, place: &Place) -> bool {
         let moved_mm = if self.registration { place.across_mm(kept) } else { place.distance_mm(kept) };
         kept.coupled == place.coupled && moved_mm <= self.reach_mm
     }
 
-    /// Number of frames that a picture may span with such steps.
+    /// Number of frames that one mean may include if each moves the probe as far as from `last` to `place`.
     fn frames(&self, last: &Place, place: &Place) -> f64 {
         let moved_mm = place.distance_mm(last);
         if !self.registration {
@@ -85,25 +85,28 @@ impl Rules {
     }
 }
 
-/// Chooses the angle of each frame.
+/// Chooses the steering angle of each live frame.
 #[derive(Debug, Default)]
 pub(super) struct AngleOrder {
-    /// Number of the frame that each angle was last asked for in, from 1; 0: never.
+    /// For each angle, the number of the latest frame that was given it, counted from 1; 0 if none was.
     asked: Vec<u64>,
     frames: u64,
     last: Option<Place>,
 }
 
 impl AngleOrder {
-    /// Begins anew with `angles` angles.
+    /// Starts over with `angles` angles, none of them rendered.
     pub(super) fn restart(&mut self, angles: usize) {
         self.asked.clear();
         self.asked.resize(angles, 0);
         (self.frames, self.last) = (0, None);
     }
 
-    /// The angle of a frame at `place`: of those that the probe's speed leaves time for, the one that was made the longest ago.
-    /// The first, and the first with or without contact, is straight: it alone shows the whole sector.
+    /// Index of the steering angle for a frame at `place`. Among the angles that the probe's speed leaves time for, it
+    /// is the one rendered longest ago.
+    ///
+    /// The first frame, and the first after contact is made or lost, gets the straight angle: it alone shows the whole
+    /// sector.
     pub(super) fn next(&mut self, place: Place, rules: Rules) -> usize {
         let angles = self.asked.len();
         let straight = angles.saturating_sub(1);
@@ -113,7 +116,8 @@ impl AngleOrder {
         let frames = self.last.map_or(f64::INFINITY, |last| rules.frames(&last, &place));
         self.last = Some(place);
         self.frames += 1;
-        // An odd number: the straight angle, and pairs from the inside outward. A probe at rest gives infinity, or NaN.
+        // An odd number: the straight angle, and pairs from the inside outward. For a probe at rest, `frames` is
+        // infinite or NaN.
         let in_time = if frames < angles as f64 { frames as usize } else { angles };
         let most = (in_time.clamp(1, angles.max(1)) - 1) / 2 * 2 + 1;
         let inner = angles.saturating_sub(most)..angles;
@@ -137,7 +141,7 @@ mod tests {
         Place::new(Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }, 100.0, true)
     }
 
-    /// Angles of frames that move by `step_mm` each.
+    /// Angles chosen for `frames` frames, each `step_mm` from the one before.
     fn angles(count: usize, step_mm: f64, frames: usize) -> Vec<usize> {
         let mut order = AngleOrder::default();
         order.restart(count);
@@ -153,12 +157,12 @@ mod tests {
 
     #[test]
     fn a_fast_probe_gets_the_inner_angles_alone() {
-        // 2 mm are two frames: an odd number is one.
+        // A reach of 2 mm allows two frames at this speed; rounded down to an odd number, one.
         assert!(angles(9, 1.0, 20).iter().all(|&angle| angle == 8));
         let three = angles(9, 0.6, 20);
         assert_eq!(three[..7], [8, 6, 7, 8, 6, 7, 8]);
         assert!(angles(9, 0.22, 40)[1..].contains(&0));
-        // As it comes to rest, the outer ones return.
+        // As the probe comes to rest, the outer angles return.
         let mut order = AngleOrder::default();
         order.restart(9);
         (0..10).for_each(|i| assert_eq!(order.next(at(5.0 * f64::from(i)), RULES), 8));

@@ -14,7 +14,7 @@ use super::host::{self, HostRenderer};
 use super::maker::FrameMaker;
 use super::trace_by::TraceBy;
 
-/// An open backend. Cloning shares the device.
+/// An open backend: the host renderer or a graphics device. Clones share the device.
 #[derive(Debug, Clone)]
 pub struct Backend(Kind);
 
@@ -25,14 +25,15 @@ enum Kind {
 }
 
 impl Backend {
-    /// Opens the backend of a choice.
+    /// Opens the backend that `choice` asks for.
     ///
-    /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the interfaces.
-    /// `INSONIFY_TRACE` sets the way of `trace`.
+    /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the graphics
+    /// interfaces (Vulkan, Metal, …). `INSONIFY_TRACE` chooses how the device runs the pass `trace`.
     ///
     /// # Errors
-    /// `Device` without a driver, with one that refuses a device, or in a build without the feature `gpu`. `Auto` falls
-    /// back to the host, with a warning if a driver fails. An unknown way of `trace`, or one that the device lacks.
+    /// With `Device`: no driver, a driver that refuses a device, or a build without the feature `gpu`. `Auto` then
+    /// falls back to the host, and warns if a driver fails. An unknown value of `INSONIFY_TRACE`, or one that the
+    /// device can't run.
     pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
         let trace = TraceBy::from_environment().map_err(BackendError::Trace)?;
         let opened = |gpu: Gpu| match trace {
@@ -65,16 +66,16 @@ impl Backend {
         }
     }
 
-    /// The same backend; its device counts as lost if a frame takes longer than `wait`. Without it, a GPU has a minute, and
-    /// software any time. The host is not concerned.
+    /// Sets the longest time for a frame, after which the device counts as lost. The default is a minute on a GPU, and
+    /// unlimited in software. No effect on the host.
     pub fn answering_within(self, wait: Duration) -> Self {
         self.with_device(|gpu| gpu.answering_within(wait))
     }
 
-    /// The same backend; its device traces in the given way, whatever `INSONIFY_TRACE` says. The host is not concerned.
+    /// Sets how the device runs the pass `trace`, and overrides `INSONIFY_TRACE`. No effect on the host.
     ///
     /// # Errors
-    /// Lanes, on a device that can't trace by them.
+    /// `by` asks for lanes, and the device can't trace by lanes.
     pub fn tracing_by(self, by: TraceBy) -> Result<Self, BackendError> {
         Ok(match self.0 {
             Kind::Host => self,
@@ -82,14 +83,14 @@ impl Backend {
         })
     }
 
-    /// The same backend; where a device makes many frames ([`Renderer::render_many`](super::Renderer::render_many)) that differ in pose
-    /// and seed alone, a dispatch makes up to `frames` of them, 1 to 8. By default a GPU takes as many as fill it, software one, and
-    /// the host is not concerned.
+    /// Sets how many frames of [`Renderer::render_many`](super::Renderer::render_many) one dispatch makes, 1 to 8. They
+    /// may differ only in pose and seed. By default, a GPU takes as many frames as keep it busy, and a software device
+    /// takes one. No effect on the host.
     pub fn with_frames_at_once(self, frames: u32) -> Self {
         self.with_device(|gpu| gpu.with_frames_at_once(frames))
     }
 
-    /// The same backend with a changed device; the host has none.
+    /// Applies `change` to the device. The host has none.
     fn with_device(self, change: impl FnOnce(Gpu) -> Gpu) -> Self {
         match self.0 {
             Kind::Host => self,
@@ -105,8 +106,8 @@ impl Backend {
         }
     }
 
-    /// Way of `trace` on the device: `path`, `lanes`, or both by the number of paths. None for the host, and before the first
-    /// renderer, which may measure both ways.
+    /// How the device runs the pass `trace`: `path`, `lanes`, or both by the number of paths. `None` on the host, and
+    /// before the first renderer, which may measure both.
     pub fn trace(&self) -> Option<String> {
         match &self.0 {
             Kind::Host => None,
@@ -114,8 +115,8 @@ impl Backend {
         }
     }
 
-    /// The same backend, and a hang of about `duration` that a test can inject into its device. A device that is opened again
-    /// has none.
+    /// Adds a hang of about `duration`, which a test can inject into the device. A device that is opened again has no
+    /// hang.
     ///
     /// # Errors
     /// The host, which has no device; a device that fails.
@@ -130,7 +131,7 @@ impl Backend {
         }
     }
 
-    /// Whether frames are made by the host renderer.
+    /// Whether the host renderer makes the frames.
     pub fn on_host(&self) -> bool {
         matches!(self.0, Kind::Host)
     }
@@ -167,7 +168,7 @@ impl Backend {
         }
     }
 
-    /// Frame maker of this backend.
+    /// A frame maker of this backend, configured for `inputs`.
     pub(super) fn maker(&self, inputs: FrameInputs<'_>, hooks: &TestHooks) -> Result<Box<dyn FrameMaker>, RenderError> {
         Ok(match &self.0 {
             Kind::Host => Box::new(HostRenderer::new(inputs, hooks.trace, hooks.image)?),

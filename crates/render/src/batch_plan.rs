@@ -4,25 +4,25 @@ use super::constants::SEGMENTS;
 use super::params::Params;
 use super::segment::Segment;
 
-/// Least size of a buffer of segments, bytes: within the 128 MiB that every device binds.
+/// Least size of the segment buffer, bytes: within the 128 MiB that every device can bind.
 pub(crate) const SEGMENT_BYTES_LEAST: u64 = 96 << 20;
 
-/// Split of a frame's paths: by layers, and of a layer that is too large by scanlines. Every batch also holds the axial
-/// paths.
+/// Split of a frame's paths into batches: by layers, and a layer that is too large by scanlines. Every batch also holds
+/// the axial paths of all scanlines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BatchPlan {
     layers_per_batch: u32,
     lines_per_batch: u32,
-    /// Batches of the same layers.
+    /// Number of batches that share the same layers; more than 1 only if a layer is split.
     parts: u32,
     pub(crate) batches: u32,
 }
 
-/// Memory of the segments of a path, bytes.
+/// Size of one path's segments, bytes.
 pub(crate) const PATH_BYTES: u64 = SEGMENTS as u64 * size_of::<Segment>() as u64;
 
 impl BatchPlan {
-    /// Split of a frame into whole layers: as many as fit into the least buffer, or one.
+    /// Splits a frame into whole layers: as many per batch as fit into the least segment buffer, but at least one.
     pub(crate) fn by_layers(whole: &Params) -> Self {
         let of_layer = u64::from(whole.scanlines) * u64::from(whole.rays) * PATH_BYTES;
         let axial_bytes = u64::from(whole.scanlines) * PATH_BYTES;
@@ -32,7 +32,7 @@ impl BatchPlan {
         Self { layers_per_batch, lines_per_batch: whole.scanlines, parts: 1, batches }
     }
 
-    /// Split of a frame into batches whose segments take up to `bytes_max`, or hold one scanline of one layer.
+    /// Splits a frame into batches whose segments take at most `bytes_max`, or that hold one scanline of one layer.
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
     pub(crate) fn within(bytes_max: u64, whole: &Params) -> Self {
         let of_line = u64::from(whole.rays) * PATH_BYTES;
@@ -50,7 +50,7 @@ impl BatchPlan {
         Self { layers_per_batch: 1, lines_per_batch, parts, batches: whole.layers * parts }
     }
 
-    /// Uniforms of one batch; `whole` are the frame's. The first batch has the most paths.
+    /// Uniforms of batch `batch`, from those of the whole frame. Batch 0 has the most paths.
     pub(crate) fn params(&self, batch: u32, whole: &Params) -> Params {
         let (layer_first, line_first) =
             (batch / self.parts * self.layers_per_batch, batch % self.parts * self.lines_per_batch);
@@ -63,7 +63,7 @@ impl BatchPlan {
         }
     }
 
-    /// Whether a layer is in several batches.
+    /// Whether a layer is spread over several batches.
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
     pub(crate) fn splits_layers(&self) -> bool {
         self.parts > 1
@@ -87,7 +87,8 @@ mod tests {
         }
     }
 
-    /// Checks that batches hold each scanline of each layer once, in order, within `bytes_max`; returns their number.
+    /// Checks that the batches hold each scanline of each layer once, in order, within `bytes_max`. Returns the number
+    /// of batches.
     fn checked(plan: BatchPlan, bytes_max: u64, whole: &Params) -> u32 {
         let mut taken = Vec::new();
         for batch in 0..plan.batches {
@@ -131,7 +132,7 @@ mod tests {
             assert_eq!(BatchPlan::within(SEGMENT_BYTES_LEAST, &whole), plan);
             checked(plan, SEGMENT_BYTES_LEAST, &whole);
         }
-        // A layer is not split.
+        // `by_layers` never splits a layer.
         assert_eq!(BatchPlan::by_layers(&whole(1024, 256, 2)).batches, 2);
     }
 }

@@ -2,17 +2,17 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// Numbers of a scanline at a boundary of the intervals between planes: the fields of
-/// [`twin::Boundary`](crate::twin::Boundary).
+/// State of a scanline at a boundary between two depth intervals of the aperture's grid: the fields of
+/// [`twin::Boundary`](crate::twin::Boundary). In the middle of each interval lies a depth plane.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Boundary {
-    /// Position among the planes.
+    /// Position among the depth planes; a whole number is the plane with that index.
     pub(crate) position: f32,
-    /// Loss of the axial path, one-way nepers.
+    /// Loss of the axial path from the face, one-way nepers.
     pub(crate) loss_np: f32,
-    /// ln of the aperture's gain at the plane before, two-way.
+    /// ln of the aperture's gain, two-way, at the depth plane before the boundary.
     pub(crate) ln_gain: f32,
-    /// Loss that all scanlines share, one-way nepers.
+    /// Loss that all scanlines share, from the face, one-way nepers.
     pub(crate) shared_np: f32,
 }

@@ -1,16 +1,16 @@
-//! Devices that compute frames and generated pictures, compared to decide whether work on them competes.
+//! Devices that render frames or run generators, compared to tell whether their work competes.
 
-/// PCI vendor of NVIDIA, whose GPUs alone run CUDA.
+/// PCI vendor ID of NVIDIA, whose GPUs alone run CUDA.
 pub const NVIDIA: u32 = 0x10de;
 
-/// Device that computes a stage.
+/// Device on which a stage of the pipeline runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ComputeDevice {
-    /// The processors, for the host renderer and for software devices.
+    /// The CPU, for the host renderer and for software devices.
     Processors,
     /// A graphics device.
     Gpu {
-        /// PCI vendor, if known.
+        /// PCI vendor ID, if known.
         vendor: Option<u32>,
         /// Address on the PCI bus, if known.
         address: Option<PciAddress>,
@@ -21,7 +21,8 @@ impl ComputeDevice {
     /// A graphics device with unknown vendor and address.
     pub const UNKNOWN_GPU: Self = Self::Gpu { vendor: None, address: None };
 
-    /// Whether work on both slows each other down. Two GPUs count as one unless their known vendors or addresses differ.
+    /// Whether work on both devices slows each other down. Two GPUs count as one unless their known vendors or
+    /// addresses differ.
     pub fn shares_with(self, other: Self) -> bool {
         let differ = |pair: (Option<u32>, Option<u32>)| matches!(pair, (Some(a), Some(b)) if a != b);
         match (self, other) {
@@ -45,7 +46,7 @@ pub struct PciAddress {
 }
 
 impl PciAddress {
-    /// The address that `domain:bus:device.function` names, in hexadecimal; `None` for other texts.
+    /// Parses `domain:bus:device.function` in hexadecimal; `None` for any other text.
     pub fn parse(text: &str) -> Option<Self> {
         let (domain, rest) = text.trim().split_once(':')?;
         let (bus, rest) = rest.split_once(':')?;
@@ -55,7 +56,7 @@ impl PciAddress {
         Some(Self { domain, bus: byte(bus)?, device: byte(device)?, function: byte(function)? })
     }
 
-    /// The address as one number.
+    /// The address packed into 32 bits.
     fn number(self) -> u32 {
         u32::from(self.domain) << 16
             | u32::from(self.bus) << 8

@@ -1,4 +1,4 @@
-//! State of a renderer for one probe and one set of settings, on any backend.
+//! Tables and uniforms of a renderer for one probe and one set of settings, on any backend.
 
 use std::sync::Arc;
 
@@ -15,18 +15,18 @@ use super::params::{Outside, Params};
 use super::plan::{AIR, EffectPlan, SKIN, SceneFacts};
 use super::tables::Tables;
 
-/// Tissues and surfaces of a scene, as tables need them.
+/// Tissues and surfaces of a scene, in the form that the tables need.
 #[derive(Debug)]
 pub(super) struct Media {
     tissues: Vec<Tissue>,
     outside: Outside,
-    /// Tissue of each surface, with [`MOVES`] if it moves.
+    /// Tissue index of each surface, combined with [`MOVES`] if the surface moves.
     pub(super) surface_words: Vec<u32>,
-    /// Surfaces that a probe touches: the skin, else all.
+    /// For each surface, whether the probe can touch it: the skin, or all surfaces of a scene without skin.
     pub(super) touched: Vec<bool>,
     /// Whether any triangle moves.
     pub(super) moving: bool,
-    /// Facts that decide the effect plan.
+    /// Scene properties that decide the effect plan.
     facts: SceneFacts,
 }
 
@@ -64,11 +64,11 @@ pub(super) struct FrameInputs<'a> {
     pub(super) angle: usize,
 }
 
-/// Tables and uniforms of one probe and one set of settings.
+/// Tables and uniforms for one probe and one set of settings.
 #[derive(Debug, Clone)]
 pub(super) struct Configuration {
     pub(super) probe: Probe,
-    /// Requested settings; for frames the plan may reduce them.
+    /// Settings as requested; the plan may reduce rays and layers for the frames.
     pub(super) settings: RenderSettings,
     /// Effects that frames simulate.
     pub(super) effects: EffectPlan,
@@ -77,8 +77,8 @@ pub(super) struct Configuration {
 }
 
 impl Configuration {
-    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over; else what it and
-    /// `known` tables hold already.
+    /// Checks probe and settings, and makes the tables. If only `settings.look` differs from `before`, all its other
+    /// tables are reused. Otherwise, single tables of `before` and `known` that still fit are reused.
     ///
     /// # Errors
     /// A value outside its range.
@@ -105,7 +105,7 @@ impl Configuration {
         Ok(Self { probe: *probe, settings: *settings, effects, params, tables })
     }
 
-    /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.
+    /// Warns if no pixel lies in the sector, and of each clipped kernel that `previous` did not have.
     pub(super) fn warn(&self, previous: Option<&Self>) {
         if self.tables.sector_words.is_empty() {
             tracing::warn!(
@@ -118,8 +118,8 @@ impl Configuration {
         }
     }
 
-    /// Whether `probe` and `settings` need no other tables, buffers or passes: every changed setting is a uniform or a
-    /// choice per frame, and the plan is the same except for maps.
+    /// Whether the present tables, buffers and passes serve `probe` and `settings`, too. Then every changed setting is
+    /// a uniform or is chosen per frame, and the effect plan is the same except for maps.
     pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
         if self.probe.change_to(probe).max(self.settings.change_to(settings)) > Change::Nothing {
             return false;

@@ -1,21 +1,23 @@
-//! Places of paths across the slice: straight lines that together fill the elevational beam.
+//! Elevational offsets of paths: straight lines that together fill the beam's thickness.
 //!
-//! The beam's width is √(waist² + (start + slope·z)²). So is the spread of lines with a place in the waist and a place in
-//! the cone, both Gaussian and independent. The slice keeps its thickness at the focus, where all lines of the cone meet.
+//! The beam's width is √(waist² + (start + slope·z)²) at depth z. Lines have the same spread if their offset is the sum
+//! of a waist part and a cone part, both Gaussian and independent. All lines of the cone meet at the focus, so the
+//! slice keeps its thickness there.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
 use insonify_core::transducer::Probe;
 
-/// Depths at which the beam's width is computed.
+/// Number of depths at which the beam's width is computed.
 const DEPTHS: u32 = 20;
-/// Fractional part of the golden ratio: turns from one point of a spiral to the next.
+/// Fractional part of the golden ratio: turns between neighbouring points of a spiral.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Generator of the order in which rays of a scanline take places: the fractional part of the plastic number's inverse.
+/// Generator of the order in which the points of a layer go to the rays of a scanline: the inverse of the plastic
+/// number.
 const ORDER: f64 = 0.754_877_666_246_692_8;
 
-/// Widths of the beam against depth.
+/// Width of the elevational beam against depth, as the parameters of a waist and a cone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Envelope {
     waist_mm: f64,
@@ -23,11 +25,11 @@ struct Envelope {
     slope: f64,
 }
 
-/// Elevational offset at the face (mm), slope, length of ray per mm of depth, and 0, of each path of a scanline
-/// [angles × layers × rays]. A single layer is the image plane.
+/// For each path of a scanline [angles × layers × rays]: elevational offset at the face (mm), slope (mm per mm of ray),
+/// length of ray per mm of depth, and 0. A single layer is the image plane.
 ///
-/// Each angle has its own places, so that a compounded picture has as many as all its angles: of a dozen paths the outermost
-/// alone may show what only a hundredth of the beam meets.
+/// Each steering angle has its own offsets, so a compounded picture samples the slice with the paths of all its angles.
+/// Among a dozen paths, only the outermost may meet an object that lies in a hundredth of the beam.
 pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, angles: u32) -> Vec<[f32; 4]> {
     if layers == 1 {
         return vec![[0.0, 0.0, 1.0, 0.0]; (angles * rays) as usize];
@@ -41,7 +43,7 @@ pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, angles: u32) -> 
 }
 
 impl Envelope {
-    /// Least-squares envelope of the elevational beam's standard deviations, relative to them.
+    /// Fits the envelope to the standard deviations of the elevational beam, by least squares of relative errors.
     fn of(probe: &Probe) -> Self {
         let parts = (0..DEPTHS).into_par_iter().map(|i| (f64::from(i) + 0.5) / f64::from(DEPTHS));
         let widths: Vec<_> = parts.map(|part| (part, probe.elevational_sigma_mm(part * probe.depth_mm))).collect();
@@ -70,12 +72,12 @@ impl Envelope {
     }
 }
 
-/// Places in the waist and in the cone, in standard deviations: `rays` × `layers` points of equal weight whose mean is 0,
-/// whose variances are 1, and whose covariance is 0. Each layer has a part of the cone; in a layer, neighbouring rays
-/// are far apart. `turned` is in turns.
+/// Waist and cone parts of `rays` × `layers` paths, in standard deviations. All points weigh the same; both parts have
+/// mean 0, variance 1 and covariance 0. Each layer has one part of the cone; in a layer, neighbouring rays are far
+/// apart. `turned` rotates the pattern, in turns.
 fn places(rays: u32, layers: u32, turned: f64) -> Vec<[f64; 2]> {
     let count = rays * layers;
-    // A spiral whose density is Gaussian.
+    // A spiral with Gaussian density.
     let point = |i: u32| {
         let radius = (-2.0 * (1.0 - (f64::from(i) + 0.5) / f64::from(count)).ln()).sqrt();
         let angle = std::f64::consts::TAU * (f64::from(i) * GOLDEN + turned).fract();
@@ -95,7 +97,8 @@ fn places(rays: u32, layers: u32, turned: f64) -> Vec<[f64; 2]> {
     sorted
 }
 
-/// Gives points a mean of 0, variances of 1 and a covariance of 0. Of two points, all places in the waist become 0.
+/// Scales and shears points to mean 0, variance 1 and covariance 0. For two points, the first coordinates (waist parts)
+/// become 0.
 fn standardise(points: &mut [[f64; 2]]) {
     let per_point = 1.0 / points.len() as f64;
     let mean = |points: &[[f64; 2]], of: fn(&[f64; 2]) -> f64| points.iter().map(of).sum::<f64>() * per_point;
@@ -114,7 +117,7 @@ fn standardise(points: &mut [[f64; 2]]) {
 mod tests {
     use super::*;
 
-    /// Standard deviation of lines at a depth, mm.
+    /// Standard deviation of the lines' offsets at a depth, mm.
     fn spread_mm(lines: &[[f32; 4]], depth: f64) -> f64 {
         let square = |l: &[f32; 4]| (f64::from(l[0]) + f64::from(l[1]) * depth).powi(2);
         (lines.iter().map(square).sum::<f64>() / lines.len() as f64).sqrt()
@@ -162,7 +165,7 @@ mod tests {
         let (one, nine) = (elevations(&probe, 4, 3, 1), elevations(&probe, 4, 3, 9));
         assert_eq!((one.len(), nine.len()), (12, 9 * 12));
         assert_eq!(one[..], nine[..12]);
-        // Largest error of the beam's part beyond a distance.
+        // Largest error of the fraction of the beam beyond an offset.
         let beyond = |lines: &[[f32; 4]]| {
             let mut worst = 0.0_f64;
             for depth in [20.0, 40.0, 60.0, 80.0, 110.0, 140.0] {

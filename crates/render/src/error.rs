@@ -10,7 +10,7 @@ use super::trace_by::UnknownTrace;
 /// Failure to open or run a backend.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum BackendError {
-    /// The build has no devices.
+    /// The build lacks the feature `gpu`.
     #[error(
         "insonify was built without the feature `gpu`, which devices need; build it with that feature, or render on the processors with `--backend host`"
     )]
@@ -28,28 +28,28 @@ pub enum BackendError {
         "the driver of {adapter} refused a device: {reason}; update the driver, or render on the processors with `--backend host`"
     )]
     NoDevice {
-        /// Adapter.
+        /// Name of the adapter.
         adapter: String,
         /// Message of wgpu.
         reason: String,
     },
-    /// An unknown way of `trace`.
+    /// An unknown value of `INSONIFY_TRACE`.
     #[error(transparent)]
     Trace(UnknownTrace),
-    /// The device can't trace by lanes, which was asked for.
+    /// Tracing by lanes was asked for, but the device can't do it.
     #[error("{adapter} can't trace by lanes: {reason}; unset INSONIFY_TRACE, or set it to `path`")]
     NoLanes {
-        /// Adapter.
+        /// Name of the adapter.
         adapter: String,
-        /// What it lacks.
+        /// What the device lacks for it.
         reason: String,
     },
-    /// The device can't hold what the settings need.
+    /// The settings need more than a limit of the device.
     #[error(
         "{what} needs {needed} of {limit_name}, {adapter} offers {offered}: lower the rays, scanlines, samples or image size"
     )]
     Limit {
-        /// Buffer or pass.
+        /// Name of the buffer or pass.
         what: &'static str,
         /// Amount needed.
         needed: u64,
@@ -57,42 +57,42 @@ pub enum BackendError {
         limit_name: &'static str,
         /// Amount offered.
         offered: u64,
-        /// Adapter.
+        /// Name of the adapter.
         adapter: String,
     },
-    /// No memory is left for a buffer.
+    /// Too little memory for a buffer.
     #[error(
         "{adapter} has no memory left for {what} ({bytes} bytes): {reason}. Close what else uses it, or lower the rays, scanlines, samples or image size"
     )]
     Memory {
-        /// Purpose of the buffer.
+        /// Name of the buffer.
         what: &'static str,
         /// Size, bytes.
         bytes: u64,
         /// Message of wgpu or of the allocator.
         reason: String,
-        /// Adapter, or the host.
+        /// Name of the adapter, or the host.
         adapter: String,
     },
-    /// A shader or a pipeline was refused.
+    /// The device refused a shader or a pipeline.
     #[error("the device refused the pass `{pass}`: {reason}")]
     Pipeline {
-        /// Pass.
+        /// Name of the pass.
         pass: &'static str,
         /// Message of wgpu.
         reason: String,
     },
-    /// A frame was not done in time.
+    /// A frame took longer than the time limit.
     #[error(
         "{adapter} did not answer within {wait_s} s and counts as lost; if its frames take that long, raise `pipeline.device_hang_ms` or lower the rays and layers"
     )]
     Hung {
-        /// Adapter.
+        /// Name of the adapter.
         adapter: String,
-        /// Longest wait, s.
+        /// Time limit, s.
         wait_s: f64,
     },
-    /// The device was lost or a map failed.
+    /// The device was lost, or the mapping of a buffer failed.
     #[error("the GPU stopped answering: {reason}")]
     Lost {
         /// Message of wgpu.
@@ -115,27 +115,27 @@ pub enum RenderError {
     /// The scene has invalid indices, or more surfaces or tissues than passes can handle.
     #[error("the scene can't be rendered: {what}")]
     Scene {
-        /// The fault.
+        /// The fault, in words.
         what: String,
     },
-    /// `submit` with the ring full.
+    /// `submit` while [`FRAMES_IN_FLIGHT`] frames are in flight.
     #[error("{FRAMES_IN_FLIGHT} frames are in flight; receive one before the next is submitted")]
     RingFull,
-    /// `receive` with the ring empty.
+    /// `receive` while no frame is in flight.
     #[error("no frame is in flight; submit a pose before receiving")]
     RingEmpty,
-    /// A frame of many.
+    /// Failure of one frame of [`Renderer::render_many`](super::Renderer::render_many).
     #[error("frame {number}: {source}")]
     Job {
-        /// Number of the job, from 0.
+        /// Index of the frame's job, from 0.
         number: usize,
         /// Cause.
         source: Box<Self>,
     },
-    /// A snapshot of a frame with several batches of paths.
+    /// A snapshot was asked for, but its paths need several batches.
     #[error("a snapshot holds one batch of paths, these settings need {batches}: lower the rays or layers")]
     Batches {
-        /// Batches needed.
+        /// Number of batches needed.
         batches: u32,
     },
 }

@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use insonify_core::transducer::{Contact, ScanGeometry};
 
-/// Greatest number of frames in flight.
+/// Most frames in flight: submitted and not yet received.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
-/// Parts of a frame beside its mask.
+/// Parts of a frame that are rendered in addition to its mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Contents {
     /// The B-mode image.
@@ -21,7 +21,7 @@ pub(super) struct Contents {
 /// Time of one pass.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PassTime {
-    /// Name of the pass, that of its shader.
+    /// Name of the pass and of its shader.
     pub name: &'static str,
     /// Duration, ms. On the host, `trace` includes `locate`.
     pub ms: f64,
@@ -30,24 +30,24 @@ pub struct PassTime {
 /// Times of one frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct FrameTimes {
-    /// Duration from submission until the frame is in memory, ms.
+    /// Duration from submission to the finished frame in memory, ms.
     pub total_ms: f64,
-    /// Duration of the scene's motion before the submission, ms, which `total_ms` does not include; 0 at rest.
+    /// Duration of moving the scene before the submission, ms, not part of `total_ms`; 0 for a scene at rest.
     pub motion_ms: f64,
-    /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps. On a GPU, maps
-    /// are made beside paths: their passes overlap others.
+    /// Duration of each pass, summed over its dispatches, in the order of their first ones; empty on a device without
+    /// timestamps. On a GPU, passes of the maps overlap passes of the paths.
     pub passes: Vec<PassTime>,
-    /// Parts of `total_ms` on the processor, of a frame that a device made.
+    /// CPU time within `total_ms`; `None` for frames of the host renderer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceTimes>,
 }
 
-/// What a frame of a device takes on the processor, ms.
+/// CPU time that a frame of a device takes, ms.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct DeviceTimes {
     /// Duration of uploading uniforms and recording the passes.
     pub record_ms: f64,
-    /// Duration of submitting them to the driver.
+    /// Duration of submitting the commands to the driver.
     pub submit_ms: f64,
     /// Duration of waiting for the device in [`Renderer::receive`](super::Renderer::receive).
     pub wait_ms: f64,
@@ -56,7 +56,7 @@ pub struct DeviceTimes {
 }
 
 impl FrameTimes {
-    /// Adds the times of another frame.
+    /// Adds the times of another frame to these.
     pub(super) fn add_frame(&mut self, frame: &Self) {
         self.total_ms += frame.total_ms;
         self.motion_ms += frame.motion_ms;
@@ -72,7 +72,7 @@ impl FrameTimes {
         }
     }
 
-    /// Adds a run of a pass.
+    /// Adds `ms` to the duration of the pass `name`.
     pub fn add(&mut self, name: &'static str, ms: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {
             Some(pass) => pass.ms += ms,
@@ -98,24 +98,26 @@ pub struct Frame {
     /// A device sends 16 bits of its square root: values are off by up to 1.6·10⁻⁵ × that root, 0 and 1 are exact.
     /// Empty without [`RenderSettings::maps`](super::RenderSettings::maps).
     pub attenuation: Vec<f32>,
-    /// The 98th percentile that `attenuation` was divided by; 0 without maps.
+    /// The 98th percentile that divides `attenuation`; 0 without maps.
     pub attenuation_p98: f32,
     /// 255 inside the sector, 0 outside [height × width]; shared by all frames of a configuration.
     pub mask: Arc<[u8]>,
-    /// Place of the scanlines in the picture; none in a frame that no renderer made.
+    /// Position of the scanlines in the picture; `None` for a frame that no renderer made.
     pub scan: Option<ScanGeometry>,
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
     /// empty unless the settings ask for it.
     pub lines: Vec<[f32; 2]>,
-    /// Contact of the face with the skin; none if everything is coupled, without the effect `contact`.
+    /// Contact of the probe's face with the skin; `None` without the effect `contact`, when the whole face is coupled.
     pub contact: Option<Contact>,
-    /// Crossings of map rays or interactions of paths beyond the capacity of buffers; 0 in a sound frame.
+    /// Number of crossings of map rays and interactions of paths that exceeded the buffers' capacity; 0 in a correct
+    /// frame.
     pub overflows: u32,
-    /// Times.
+    /// Times of the frame's passes.
     pub times: FrameTimes,
 }
 
-/// Copies rows of `width` out of rows of `stride`. One thread does it: waking others takes longer than the copy.
+/// Copies the first `width` elements of each row of `stride` elements. One thread does it: waking others takes longer
+/// than the copy.
 pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
     into.clear();
     if width == stride {
@@ -127,7 +129,7 @@ pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride
     }
 }
 
-/// Logs a warning of frames in which crossings did not fit the buffers.
+/// Logs a warning that in `frames` frames crossings did not fit the buffers; nothing if 0.
 pub fn warn_of_overflows(frames: usize) {
     if frames > 0 {
         tracing::warn!(

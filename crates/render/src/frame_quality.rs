@@ -1,4 +1,4 @@
-//! Quality of a live frame.
+//! Quality of a live frame: rays, layers, steering angles and the effect `aperture`.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use insonify_core::settings::{Choice, Effect, Quality, RenderSettings};
 
-/// Settings of a live frame's rendering that a controller may change.
+/// Rendering settings of a live frame that the controller of operating points may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameQuality {
@@ -14,10 +14,11 @@ pub struct FrameQuality {
     pub rays: u32,
     /// Elevational layers.
     pub layers: u32,
-    /// Steering angles of compounding; 1: none. A live frame has one of them, and shows the mean of the last ones.
+    /// Number of steering angles of a compounded picture; 1 without compounding. Each live frame renders one angle and
+    /// shows the mean of the latest ones.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub angles: u32,
-    /// False if shadows are those of each path by itself.
+    /// Whether shadows are those of the whole aperture; if false, each path has its own.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub aperture: bool,
 }
@@ -44,7 +45,7 @@ impl FrameQuality {
     /// High quality: 32 rays × 3 layers.
     pub const HQ: Self = Self::new(32, 3);
 
-    /// One angle, with the aperture.
+    /// Quality with one steering angle and with the effect `aperture`.
     pub const fn new(rays: u32, layers: u32) -> Self {
         Self { rays, layers, angles: 1, aperture: true }
     }
@@ -59,7 +60,8 @@ impl FrameQuality {
         }
     }
 
-    /// `settings` at this quality, with the same seed. `aperture` is the station's own choice of that effect.
+    /// Returns `settings` at this quality, with the same seed. `aperture` is the station's choice for the effect of
+    /// that name.
     pub fn apply(&self, settings: &RenderSettings, aperture: Choice) -> RenderSettings {
         let mut next = *settings;
         (next.quality.rays, next.quality.layers, next.look.angles) = (self.rays, self.layers, self.angles);
@@ -67,7 +69,7 @@ impl FrameQuality {
         next
     }
 
-    /// These rays and layers with a seed.
+    /// Render quality with these rays and layers, and a seed.
     pub const fn with_seed(&self, seed: u32) -> Quality {
         Quality { rays: self.rays, layers: self.layers, seed }
     }
@@ -105,7 +107,7 @@ mod tests {
         ] {
             let applied = quality.apply(&seeded, Choice::Auto);
             assert_eq!((FrameQuality::of(&applied), applied.quality.seed), (quality, 7));
-            // From a quality without the aperture it comes back as the station wants it.
+            // Going back to a quality with the aperture restores the station's choice.
             let back = FrameQuality::LQ.apply(&applied, Choice::On);
             assert_eq!(back.effects.of(Effect::Aperture), Choice::On);
             let text = toml::to_string(&quality).unwrap();

@@ -1,10 +1,10 @@
-//! Changes to passes by tests, which check that the comparison with the f64 twins then fails.
+//! Changes that tests make to passes, to check that the comparison with the f64 twins then fails.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use super::device::ShaderSet;
 use super::host::{ImageConstants, TraceConstants};
 
-/// Passes that may differ from the shipped ones.
+/// Shaders and constants of the passes; by default the shipped ones.
 #[derive(Debug, Clone, Default)]
 pub struct TestHooks {
     /// Shaders of a device.

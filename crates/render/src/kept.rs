@@ -1,11 +1,11 @@
-//! Numbered values of which one is in use and the others are kept.
+//! Numbered values, of which one is in use elsewhere and the others are stored.
 
-/// Values beside the active one. Value 0 is active at first.
+/// The values that are not active, by number. Value 0 is active at first.
 #[derive(Debug)]
 pub(crate) struct Kept<T> {
     /// Number of the active value.
     active: usize,
-    /// The others by number; none in the place of the active one.
+    /// Inactive values by number; `None` at the active number and at numbers without a value.
     others: Vec<Option<T>>,
 }
 
@@ -21,23 +21,23 @@ impl<T> Kept<T> {
         self.active
     }
 
-    /// The value with a number, if it is kept beside the active one.
+    /// The inactive value with a number; `None` if it is active or doesn't exist.
     pub(crate) fn get(&self, number: usize) -> Option<&T> {
         self.others.get(number).and_then(Option::as_ref)
     }
 
-    /// Values beside the active one.
+    /// All inactive values.
     pub(super) fn others(&self) -> impl Iterator<Item = &T> {
         self.others.iter().flatten()
     }
 
-    /// Whether there is a value with a number.
+    /// Whether a number has a value, active or not.
     pub(crate) fn has(&self, number: usize) -> bool {
         number == self.active || self.get(number).is_some()
     }
 
-    /// Puts the value with `number` into `active`, and keeps what was there. A number without a value gets the `new` one; without that,
-    /// nothing changes.
+    /// Moves the value `number` into `active`, and stores the one that was there. A number without a value gets `new`;
+    /// if that is `None`, nothing changes.
     pub(crate) fn swap(&mut self, number: usize, active: &mut T, new: Option<T>) {
         let Some(value) = self.others.get_mut(number).and_then(Option::take).or(new) else { return };
         if number == self.active {

@@ -1,4 +1,5 @@
-//! The point-spread function as kernels: the lateral beam by depth, the pulse, and the scatterers' gain after both.
+//! The point-spread function as kernels: the lateral beam at each depth, the pulse, and a scatterer gain that makes up
+//! for both.
 
 use std::fmt;
 
@@ -10,12 +11,12 @@ use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, P
 use super::lateral_beam::LateralBeam;
 use super::sheets::Sheets;
 
-/// Half width of the main lobe, down to −26 dB, over that at −6 dB.
+/// Half width of the beam's main lobe at −26 dB over its half width at −6 dB.
 const MAIN_LOBE: f64 = 2.1;
-/// Half width of the pulse, standard deviations.
+/// Half width of the pulse's kernel, in standard deviations of the pulse.
 const AXIAL_REACH: f64 = 4.0;
 
-/// Kernel of the point-spread function.
+/// The two kernels of the point-spread function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
     /// The beam across scanlines, of the pass `lateral`: at most 32 scanlines to either side.
@@ -24,19 +25,19 @@ pub(crate) enum Kernel {
     Axial,
 }
 
-/// A kernel that is cut to the largest width of its pass. Speckle is then narrower than the beam or pulse makes it; its
-/// level stays right.
+/// A kernel that was cut to the largest width of its pass. Speckle is then narrower than the beam or pulse makes it;
+/// its level stays right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClippedKernel {
-    /// The clipped kernel.
+    /// Which kernel was cut.
     pub(crate) kernel: Kernel,
-    /// Scanlines or samples to either side that it needs at its widest.
+    /// Half width that it needs at its widest, scanlines or samples.
     pub(crate) wanted: u32,
-    /// Scanlines or samples to either side that it keeps.
+    /// Half width that is left, scanlines or samples.
     pub(crate) kept: u32,
-    /// First and last depth at which it is cut, mm.
+    /// Smallest and largest depth at which it is cut, mm.
     pub(crate) depths_mm: [f64; 2],
-    /// Value of the key that widens it: `probe.scanlines` if lateral, `probe.samples` if axial.
+    /// Value of the setting that widens it: `probe.scanlines` if lateral, `probe.samples` if axial.
     pub(crate) value: u32,
 }
 
@@ -59,24 +60,25 @@ impl fmt::Display for ClippedKernel {
 /// The kernels of a probe.
 #[derive(Debug, Clone)]
 pub(crate) struct Kernels {
-    /// [blocks of DEPTH_BLOCK samples][2·lateral_half + 1], each block's sum 1.
+    /// Lateral weights [blocks of DEPTH_BLOCK samples × (2·lateral_half + 1)]; each block's sum is 1.
     pub(crate) lateral: Vec<f32>,
-    /// Sum of the squares of each block's kernel.
+    /// Sum of the squared lateral weights [blocks].
     pub(crate) power: Vec<f32>,
-    /// Scanlines to either side that each block's kernel reaches.
+    /// Half width of the lateral weights that are not zero, scanlines [blocks].
     pub(crate) reach: Vec<u32>,
     pub(crate) lateral_half: u32,
-    /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
+    /// Envelope of the pulse [2·axial_half + 1], 1 at its peak, between PULSE_PAD zeros on either side.
     pub(crate) pulse: Vec<f32>,
     pub(crate) axial_half: u32,
-    /// Gain of the scatterers [blocks], which keeps their level at that of the tissue at every depth.
+    /// Gain of the scatterers [blocks]: keeps speckle at the tissue's level after both kernels, at every depth.
     pub(crate) scatterer_gain: Vec<f32>,
     pub(crate) clipped: Vec<ClippedKernel>,
 }
 
 impl Kernels {
-    /// Kernels within the settings' caps. Only kernels cut by the limits of passes count as clipped: caps are intended.
-    /// Kernels leave room for `reach` scanlines to either side.
+    /// Makes the kernels, no wider than `settings` allow. A kernel counts as clipped only if the limits of the passes
+    /// cut it; a cut by the settings is intended. Lateral kernels have room for at least `reach` scanlines on either
+    /// side.
     pub(crate) fn new(probe: &Probe, settings: &RenderSettings, sheets: Option<&Sheets>, reach: u32) -> Self {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max), reach);
@@ -114,19 +116,21 @@ fn depth_mm(probe: &Probe, block: u32) -> f64 {
     (sample * probe.sample_spacing_mm()).min(probe.depth_mm)
 }
 
-/// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
-/// side lobes. Weights are real: they give points their image and diffuse clutter its power. Off-axis phases matter only
-/// for smooth plates. The kernel's sum of 1 keeps the level of a plate, except off the normal of a phased array.
+/// Half width (scanlines) and weights of the lateral kernel for each block of samples: the two-way profile by
+/// diffraction, with its side lobes. Also reports a kernel whose main lobe was cut.
+///
+/// Weights are real: they give points their image and diffuse clutter its power. Off-axis phases matter only for smooth
+/// plates. The kernel's sum of 1 keeps the level of a plate, except off the normal of a phased array.
 fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| depth_mm(probe, block);
     let beam = LateralBeam::new(probe);
     let spacing_mm = |block: u32| probe.line_spacing_mm(depth_mm(block)).max(1e-9);
-    // No kernel reaches beyond the other end of the array.
+    // A kernel is at most as wide as the array.
     let array = probe.scanlines.max(2) - 1;
     let lines = |block: u32, reach_mm: f64| ((reach_mm / spacing_mm(block)).ceil() as u32).clamp(1, array);
     let wanted = |block: u32| lines(block, beam.at(depth_mm(block)).reach_mm());
-    // Beside the normal of a phased array, kernels are wider by one over the cosine.
+    // Off the normal of a phased array, kernels are wider by one over the cosine.
     let projection = match probe.kind {
         ProbeKind::Phased { fov_deg } => (0.5 * fov_deg.to_radians()).cos().max(PROJECTION_MIN),
         ProbeKind::Convex { .. } | ProbeKind::Linear { .. } => 1.0,
@@ -136,7 +140,7 @@ fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Optio
         if projection < 1.0 { (((reach + 1.0) / projection).ceil() as u32).min(array) } else { wanted(block) }
     };
     let half = (0..blocks).map(widest).max().unwrap_or(1).max(reach.min(array)).min(LATERAL_HALF_MAX).min(cap);
-    // Side lobes beyond the limit are missing without a word; a cut main lobe is reported.
+    // A cut main lobe is reported, cut side lobes are not.
     let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm() / projection);
     let mut cut = (0..blocks).filter(|&block| main_lobe(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
     let clipped = cut.next().map(|first| ClippedKernel {
@@ -160,18 +164,19 @@ fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Optio
     (half, kernels, clipped)
 }
 
-/// Taps to either side of a kernel's middle that are not zero.
+/// Half width of a kernel's nonzero weights, taps. `half` is the half width of the whole kernel.
 fn reach_of(kernel: &[f64], half: u32) -> u32 {
     let first = kernel.iter().position(|&weight| weight > 0.0).unwrap_or(0);
     half - (first as u32).min(half)
 }
 
-/// A Gaussian of standard deviation `sigma`, 1 at its peak, `half` taps to either side.
+/// A Gaussian of 2·`half` + 1 taps with standard deviation `sigma` (taps), 1 at its peak.
 fn gaussian(half: u32, sigma: f64) -> Vec<f64> {
     (0..=2 * half).map(|tap| (-0.5 * ((f64::from(tap) - f64::from(half)) / sigma).powi(2)).exp()).collect()
 }
 
-/// Half width and envelope of the pulse in samples, 1 at its peak.
+/// Half width (samples) and envelope of the pulse, 1 at its peak, and a report if the pulse was cut. `cap` is the
+/// largest half width.
 fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
     let wanted = ((AXIAL_REACH * sigma).ceil() as u32).max(1);
@@ -186,21 +191,22 @@ fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     (half, gaussian(half, sigma), clipped)
 }
 
-/// The pulse between zeros.
+/// The pulse between PULSE_PAD zeros on either side.
 fn padded(pulse: &[f64]) -> Vec<f32> {
     let zeros = || std::iter::repeat_n(0.0, PULSE_PAD as usize);
     zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
 }
 
-/// Σ wᵢ·wᵢ₊ₗ for each lag l from 0 on.
+/// Autocorrelation Σ wᵢ·wᵢ₊ₗ of the weights at each lag l from 0 on.
 fn autocorrelation(weights: &[f64]) -> Vec<f64> {
     let at = |lag: usize| weights.iter().zip(&weights[lag..]).map(|(a, b)| a * b).sum();
     (0..weights.len()).map(at).collect()
 }
 
-/// Correlation of the scatterers at two points of a slice by their distance across scanlines and along them.
+/// Correlation of the scatterers at two points of a slice, against the distance of the points across and along
+/// scanlines.
 struct ScattererCorrelation {
-    /// Values at multiples of `ACROSS_MM` and `ALONG_MM`; rows end before the first that is 0.
+    /// Correlation at multiples of `ACROSS_MM` (rows) and `ALONG_MM` (columns). Rows end before their first 0.
     rows: Vec<Vec<f64>>,
 }
 
@@ -219,7 +225,7 @@ impl ScattererCorrelation {
         Self { rows }
     }
 
-    /// Correlation at a distance, by bilinear interpolation.
+    /// Correlation at a distance across and along scanlines, by bilinear interpolation.
     fn at(&self, [across_mm, along_mm]: [f64; 2]) -> f64 {
         let (across, along) = (across_mm / Self::ACROSS_MM, along_mm / Self::ALONG_MM);
         let of = |i: usize, j: usize| self.rows.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
@@ -231,8 +237,8 @@ impl ScattererCorrelation {
         in_row(i) * (1.0 - part) + in_row(i + 1) * part
     }
 
-    /// Power of unit scatterers after kernel and pulse, given by their autocorrelations. Samples that share a scatterer add
-    /// in amplitude.
+    /// Power of unit scatterers after both kernels, from the kernels' autocorrelations. Samples that share a scatterer
+    /// add in amplitude.
     fn power(&self, lateral: &[f64], spacing_mm: f64, axial: &[f64], sample_mm: f64) -> f64 {
         let across_max_mm = self.rows.len() as f64 * Self::ACROSS_MM;
         let along_max_mm = self.rows.iter().map(Vec::len).max().unwrap_or(0) as f64 * Self::ALONG_MM;
@@ -248,7 +254,7 @@ impl ScattererCorrelation {
     }
 }
 
-/// The chance that two points share a cell of the lattice, averaged over all directions.
+/// Probability that two points at a distance lie in one cell of the scatterer lattice, averaged over all directions.
 fn shared_cells(distance_mm: f64) -> f64 {
     const STEPS: i32 = 24;
     let mut sum = 0.0;

@@ -1,4 +1,4 @@
-//! Profiles of the lateral beam at all depths, interpolated between a few.
+//! Profiles of the lateral beam, computed at some depths and interpolated between them.
 
 use rayon::prelude::*;
 
@@ -6,13 +6,14 @@ use insonify_core::acoustics::beam::{Beam, OFFSETS, Profile};
 use insonify_core::settings::Apodization;
 use insonify_core::transducer::Probe;
 
-/// Depths whose profiles are computed, less one: of a smooth apodization, and of a rectangular one, whose widths ripple
-/// over depth.
+/// Number of intervals between the depths with a profile: for a smooth apodization, and for a rectangular one, whose
+/// width ripples with depth.
 const INTERVALS: [u32; 2] = [96, 144];
-/// Amplitude below which side lobes are cut: −30 dB. A lower one widens the kernels of near depths to no visible effect.
+/// Amplitude below which side lobes are cut: −30 dB. A lower limit would widen the kernels at small depths without a
+/// visible effect.
 const CUT: f64 = 0.031_622_776_601_683_79;
 
-/// Profiles of a probe's lateral beam.
+/// Profiles of a probe's lateral beam at equally spaced depths.
 #[derive(Debug, Clone)]
 pub(crate) struct LateralBeam {
     beam: Beam,
@@ -20,7 +21,8 @@ pub(crate) struct LateralBeam {
     profiles: Vec<Profile>,
 }
 
-/// The two profiles next to a depth, and the place between them, 0..=1. Their steps follow the depth.
+/// The beam at one depth: the two nearest profiles, and the depth's position between them, 0..=1. The spacing of their
+/// points grows with depth.
 pub(crate) struct AtDepth<'a> {
     profiles: [&'a Profile; 2],
     part: f64,
@@ -36,7 +38,7 @@ impl LateralBeam {
         Self { beam, spacing_mm, profiles }
     }
 
-    /// The beam at `depth_mm`, within the image.
+    /// The beam at `depth_mm`, clamped to the image.
     pub(crate) fn at(&self, depth_mm: f64) -> AtDepth<'_> {
         let last = self.profiles.len() - 1;
         let place = (depth_mm / self.spacing_mm).clamp(0.0, last as f64);
@@ -54,7 +56,7 @@ impl AtDepth<'_> {
         a + self.part * (b - a)
     }
 
-    /// Two-way amplitude at an offset from the axis; 1 on the axis.
+    /// Two-way amplitude at a lateral offset from the axis, relative to the axis.
     pub(crate) fn amplitude(&self, offset_mm: f64) -> f64 {
         let place = (offset_mm.abs() / self.step_mm).min((OFFSETS - 1) as f64);
         let below = (place as usize).min(OFFSETS - 2);

@@ -1,4 +1,4 @@
-//! Graphics device of a build without the feature `gpu`. It can't be opened.
+//! Stand-in for the graphics device in a build without the feature `gpu`. It can't be opened.
 
 use std::convert::Infallible;
 use std::time::Duration;

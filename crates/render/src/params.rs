@@ -14,30 +14,30 @@ use super::sheet_cells::SheetCells;
 use super::sheets::Family;
 use super::tables::Tables;
 
-/// 32-bit words of the image settings.
+/// Size of the image settings, 32-bit words.
 const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
-/// Words of padding that make the uniforms a multiple of 16 bytes.
+/// Padding after the image settings, words; it makes the size of [`Params`] a multiple of 16 bytes.
 const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
-/// Vectors of four that hold the image settings.
+/// Number of 4-word vectors that hold the image settings.
 #[cfg(feature = "gpu")]
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
-// WGSL aligns vectors to 16 bytes. A field before `sheets` needs others, or padding, to a multiple of that.
+// WGSL aligns vectors to 16 bytes, so fields or padding of 16 bytes in all must fill up what comes before `sheets`.
 const _: () = assert!(std::mem::offset_of!(Params, sheets) % 16 == 0);
 const _: () = assert!(std::mem::offset_of!(Params, image) % 16 == 0);
 
-/// A family of sheets of scatterers: `SheetFamily` of `shaders/shared/params.wgsl`.
+/// A family of parallel sheets of scatterers: `SheetFamily` of `shaders/shared/params.wgsl`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]
 pub(crate) struct SheetFamily {
-    /// Normal of the sheets; distance along the elevational axis per mm along the normal.
+    /// Unit normal of the sheets; then mm along the elevational axis per mm along the normal.
     pub(crate) normal: [f32; 4],
-    /// Axes of the sheets' cells; way along each per mm along the normal, on an elevational line.
+    /// Axes of the sheets' cells; then, on an elevational line, displacement along that axis per mm along the normal.
     pub(crate) first: [f32; 4],
     pub(crate) second: [f32; 4],
-    /// Part of its amplitude in the sum.
+    /// Amplitude weight of the family; the squares over a slice's families sum to 1.
     pub(crate) share: f32,
-    /// Added to the number of each sheet.
+    /// Added to each sheet's number before it is hashed.
     pub(crate) salt: u32,
     /// Side of a cell, mm.
     pub(crate) cell_mm: f32,
@@ -46,7 +46,7 @@ pub(crate) struct SheetFamily {
 }
 
 impl SheetFamily {
-    /// A family as a slice with an elevational axis sees it.
+    /// The family as seen by a slice whose elevational axis is `elevational`.
     fn new(family: &Family, elevational: DVec3, cells: SheetCells) -> Self {
         let Family { number, axes, share } = *family;
         let along = axes.x_axis.dot(elevational);
@@ -64,10 +64,10 @@ impl SheetFamily {
     }
 }
 
-/// Tissues outside all surfaces.
+/// Indices of the tissues outside all surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Outside {
-    /// Between the face and the body; everywhere outside if all is coupled.
+    /// Conducts between the face and the body; fills all of the outside if contact is not simulated.
     pub(crate) background: u32,
     /// Around the body.
     pub(crate) air: u32,
@@ -108,32 +108,33 @@ pub(crate) struct Params {
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
     pub(crate) axial_paths: u32,
-    /// Number of `sheets`, and the distance between the sheets of one, mm; 0 without speckle across the slice.
+    /// Number of families in `sheets`, and distance between neighbouring sheets of a family, mm; 0 without speckle
+    /// across the slice.
     pub(crate) sheet_families: u32,
     pub(crate) sheet_spacing_mm: f32,
-    /// Tissue outside all surfaces beyond the film of gel.
+    /// Tissue outside all surfaces, deeper than the film of gel.
     pub(crate) beyond: u32,
-    /// Thickness of the film of gel, mm; negative if everything is coupled.
+    /// Thickness of the film of gel, mm; negative if contact is not simulated.
     pub(crate) film_mm: f32,
     /// Amplitudes of white noise, clutter and reverberation; 0 if they are off.
     pub(crate) noise: f32,
     pub(crate) clutter: f32,
     pub(crate) reverberation: f32,
-    /// Samples of a scanline in the table of clutter and reverberation.
+    /// Samples per scanline in the table of clutter and reverberation.
     pub(crate) near_samples: u32,
-    /// Seed of the noise of this frame.
+    /// Seed of the receiver's noise in this frame.
     pub(crate) noise_seed: u32,
     /// Cosine and sine of the steering angle.
     pub(crate) steer: [f32; 2],
-    /// First word of the places of this angle's pixels.
+    /// Offset of this steering angle in the table of pixel positions, words of four pixels.
     pub(crate) angle_words: u32,
-    /// Range by which the wavefront of a steered frame falls behind from one scanline to the next, mm.
+    /// Range by which a steered wavefront falls behind from one scanline to the next, mm.
     pub(crate) steer_shift_mm: f32,
     /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     pub(crate) line_turns: f32,
     pub(crate) padding: [u32; 2],
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
-    /// Every setting of `[image]`.
+    /// Every setting of the section `[image]`.
     pub(crate) image: ImageUniforms,
     pub(crate) tail: [u32; TAIL],
 }
@@ -161,7 +162,7 @@ impl Params {
         let level = |effect: Effect, db: f64| amplitude(effect, 10f64.powf((db - cleaner_db) / 20.0));
         let contact = on.has(Effect::Contact);
         let several = settings.quality.rays * settings.quality.layers > 1;
-        // With the aperture, a path that reflects needs another that passes.
+        // With the aperture, paths that may reflect need an axial path, which passes every interface.
         let has_axial_paths = if on.has(Effect::Aperture) {
             several || on.has(Effect::Reflections)
         } else {
@@ -219,33 +220,34 @@ impl Params {
         }
     }
 
-    /// Steers the scanlines as one of the angles.
+    /// Steers the scanlines by the steering angle with index `angle`.
     pub(crate) fn set_angle(&mut self, tables: &Tables, angle: usize) {
         let steer_rad = tables.angles.get(angle).map_or(0.0, |angle| angle.steer_rad);
         self.steer = [steer_rad.cos() as f32, steer_rad.sin() as f32];
-        // Scanlines of a curved face turn about its centre of curvature: the shift is that of the face at all depths.
+        // Steered scanlines of a curved face turn about its centre of curvature, so the shift at the face holds at all
+        // depths.
         self.steer_shift_mm = (tables.face_spacing_mm * steer_rad.sin()) as f32;
-        // The straight angle's places come first.
+        // The pixel positions of the straight scanlines come first.
         let steered = tables.angles.get(angle).is_some_and(|angle| !angle.pixels.is_empty());
         self.angle_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
     }
 
-    /// Elevational offsets of this angle's paths, a part of the table of all angles.
+    /// Elevational offsets of this angle's paths: its part of `elevations`, which holds those of all angles.
     pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
         let count = (self.layers * self.rays) as usize;
         let angle = (self.angle_words / self.sector_words.max(1)) as usize;
         elevations.get(angle * count..(angle + 1) * count).unwrap_or_default()
     }
 
-    /// A direction in the probe frame, steered.
+    /// Turns a direction of the probe frame by the steering angle.
     #[inline(always)]
     pub(crate) fn steered(&self, v: Vec3) -> Vec3 {
         let [cos, sin] = self.steer;
         Vec3::new(v.x * cos + v.z * sin, v.y, v.z * cos - v.x * sin)
     }
 
-    /// Cosine of a scanline's angle to the normal of a phased array: the part of the aperture that it sees. 1 for other
-    /// arrays.
+    /// Fraction of a phased array's aperture, projected on a scanline: the cosine of the scanline's angle to the
+    /// normal. 1 for other arrays.
     #[inline(always)]
     pub(crate) fn projection(&self, line: usize) -> f32 {
         if self.line_turns == 0.0 {
@@ -255,23 +257,24 @@ impl Params {
         at_least(phasor(turns)[0], PROJECTION_MIN as f32)
     }
 
-    /// Tissue outside all surfaces at a depth below the apex of the face: within the film of gel it conducts.
+    /// Tissue outside all surfaces, at a depth below the apex of the face: `background` within the film of gel, else
+    /// `beyond`.
     #[inline(always)]
     pub(crate) fn outside(&self, depth_mm: f32) -> u32 {
         if depth_mm > self.film_mm { self.beyond } else { self.background }
     }
 
-    /// Whether the receiver adds anything to the lines.
+    /// Whether the receiver adds noise, clutter or reverberation to the lines.
     pub(crate) fn receives(&self) -> bool {
         self.near_samples > 0 || self.noise > 0.0
     }
 
-    /// Part of the beam's energy of each path that carries echoes.
+    /// Fraction of the beam in each path that carries echoes.
     pub(crate) fn path_weight(&self) -> f32 {
         1.0 / (self.rays * self.layers) as f32
     }
 
-    /// Weight of a path's echo that adds to others' in power.
+    /// Amplitude weight of a path whose echoes add in power with those of other paths.
     pub(crate) fn power_weight(&self) -> f32 {
         let weight = self.path_weight();
         (weight * (CELLS_OF_A_BEAM as f32 * weight).min(1.0)).sqrt()
@@ -282,12 +285,12 @@ impl Params {
         self.line_count * self.rays * self.layer_count
     }
 
-    /// Whether each scanline has one path, besides an axial path.
+    /// Whether each scanline has a single path that carries echoes.
     pub(crate) fn single(&self) -> bool {
         self.rays * self.layers == 1
     }
 
-    /// Index of the axial path of a scanline in this batch: its only path if there are no axial paths.
+    /// Index, in this batch, of the axial path of scanline `line`; its only path if there are no axial paths.
     pub(crate) fn axial_path_of(&self, line: u32) -> u32 {
         if self.axial_paths == 0 { line } else { self.sounding_paths() + line }
     }
@@ -297,18 +300,18 @@ impl Params {
         self.sounding_paths() + self.axial_paths
     }
 
-    /// Centre of the probe's face, scene, mm.
+    /// Centre of the probe's face, relative to the tree's centre, mm.
     pub(crate) fn face_mm(&self) -> Vec3 {
         Vec3::new(self.lateral[3], self.elevational[3], self.axial[3])
     }
 
-    /// Scene vector of a probe-frame vector.
+    /// Turns a vector of the probe frame into the scene frame.
     pub(crate) fn scene_vector(&self, v: Vec3) -> Vec3 {
         let axis = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
         axis(self.lateral) * v.x + axis(self.elevational) * v.y + axis(self.axial) * v.z
     }
 
-    /// Places the probe.
+    /// Sets the probe's pose, and the families of scatterer sheets that its slice meets.
     pub(crate) fn set_pose(&mut self, pose: &Pose, bvh: &Bvh, probe: &Probe) {
         let origin = pose.position_mm - bvh.drift_mm() - bvh.centre_mm;
         let column = |axis: DVec3, translation: f64| {
@@ -328,7 +331,7 @@ impl Params {
             }
         }
         self.sheet_families = families;
-        // Reaches from any point of the face back through the whole scene.
+        // Longer than any line from the face backwards through the whole scene.
         let face = probe.half_extent().max(1.0) * probe.face_radius_mm().unwrap_or(1.0).max(1.0);
         self.reach_mm = (origin.length() + 2.0 * bvh.radius_mm + face + probe.elevational_height_mm) as f32;
     }

@@ -1,4 +1,4 @@
-//! Named qualities.
+//! Named qualities: rays and layers.
 
 use std::str::FromStr;
 
@@ -7,20 +7,20 @@ use thiserror::Error;
 
 use super::frame_quality::FrameQuality;
 
-/// A text that names no preset.
+/// Error: a text that names no preset.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{found}` is no preset; they are {}", Preset::NAMES.join(", "))]
 pub struct UnknownPreset {
-    /// The text.
+    /// The text that was found.
     pub found: String,
 }
 
-/// A named quality, in rising cost.
+/// A named quality; the variants are in order of rising cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Preset {
     /// 1 ray × 1 layer: the paper's low quality.
     Fast,
-    /// 2 rays × 3 layers: with the tissue beside the scan plane.
+    /// 2 rays × 3 layers: includes the tissue on both sides of the scan plane.
     Balanced,
     /// 32 rays × 3 layers: the paper's high quality.
     Accurate,
@@ -36,7 +36,7 @@ insonify_core::names::named!(Preset {
 });
 
 impl Preset {
-    /// Its rays and layers.
+    /// Rays and layers of the preset.
     pub const fn quality(self) -> FrameQuality {
         match self {
             Self::Fast => FrameQuality::new(1, 1),
@@ -56,7 +56,8 @@ impl FromStr for Preset {
 }
 
 impl FrameQuality {
-    /// What its [`FromStr`] accepts, in a phrase: presets, `lq`, `hq`, and the ranges of rays and layers.
+    /// Texts that [`FrameQuality`]'s [`FromStr`] accepts, in a phrase: presets, `lq`, `hq`, and the ranges of rays and
+    /// layers.
     pub fn accepted() -> String {
         let preset = |preset: Preset| format!("{} ({})", preset.name(), preset.quality());
         let presets = Preset::ALL.map(preset).join(", ");
@@ -66,7 +67,7 @@ impl FrameQuality {
     }
 }
 
-/// A text that is no quality.
+/// Error: a text that names no quality.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("expected {}, such as `8x1`", FrameQuality::accepted())]
 pub struct NoQuality;
@@ -74,7 +75,7 @@ pub struct NoQuality;
 impl FromStr for FrameQuality {
     type Err = NoQuality;
 
-    /// Rays and layers of one angle: a preset, `lq`, `hq`, or both numbers as `8x1`.
+    /// Parses a preset, `lq`, `hq`, or rays and layers such as `8x1`; the quality has one steering angle.
     fn from_str(text: &str) -> Result<Self, NoQuality> {
         let text = text.to_ascii_lowercase();
         match text.as_str() {

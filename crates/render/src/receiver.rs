@@ -1,6 +1,7 @@
-//! What the receiver adds to the lines: noise, clutter near the face, and the reverberation of a face without contact.
+//! Signals that the receiver adds to the lines: noise, clutter near the face, and the reverberation of a face without
+//! contact.
 //!
-//! Reverberation and clutter belong to the probe: they lie at fixed places of its scanlines, wherever it is. Their
+//! Reverberation and clutter belong to the probe: they stay at fixed positions on its scanlines, wherever it is. Their
 //! shape follows a C5-1 in air (pydicom's `examples_palette.dcm`): bright arcs 1.2 mm apart over a diffuse haze, grey
 //! at the face and black 2 cm deeper.
 
@@ -9,43 +10,44 @@ use rayon::prelude::*;
 use insonify_core::random;
 use insonify_core::transducer::Probe;
 
-/// Fall of the clutter with depth, dB per cm.
+/// Decrease of the clutter with depth, dB per cm.
 pub(crate) const CLUTTER_DB_CM: f64 = 20.0;
-/// Fall of the reverberation with depth, dB per cm.
+/// Decrease of the reverberation with depth, dB per cm.
 pub(crate) const REVERBERATION_DB_CM: f64 = 35.0;
-/// Level by which clutter and reverberation are lower in tissue harmonics, dB: they have not travelled far (assumed).
+/// Reduction of clutter and reverberation in tissue harmonics, dB: so close to the face, few harmonics have formed
+/// (assumed).
 pub(crate) const HARMONIC_CLUTTER_DB: f64 = 15.0;
-/// Depth to which both are added: clutter has fallen by 80 dB there.
+/// Depth at which clutter and reverberation end: clutter has fallen by 80 dB.
 const NEAR_MM: f64 = 40.0;
-/// Spacing of the arcs, mm: lens and matching layers, there and back.
+/// Spacing of the reverberation's arcs, mm: a round trip through lens and matching layers.
 const ARC_MM: f64 = 1.2;
-/// Depth and part of the face over which arcs change.
+/// Distances over which the arcs' random amplitude changes: mm of depth, and fraction of the face's width.
 const ARC_DEPTH_MM: f64 = 2.5;
 const ARC_PART: f64 = 0.2;
-/// Depth (mm), at least that of the pulse, and scanlines over which the haze changes.
+/// Distances over which the random haze changes: mm of depth (more for a longer pulse), and scanlines.
 const HAZE_DEPTH_MM: f64 = 0.35;
 const HAZE_LINES: f64 = 4.0;
-/// Part of the haze in the reverberation's amplitude at the middle of the face; at its ends there is haze alone.
+/// Fraction of the reverberation's amplitude that is haze at the middle of the face; at the ends, all of it is haze.
 const HAZE_PART: f64 = 0.45;
 const SEED: u64 = 0x7265_6365_6976_6572;
 
-/// Reverberation and clutter of a probe at the samples near its face, before the pulse, each with a level of 0 dB at the
-/// face after it.
+/// Reverberation and clutter of a probe at the samples near its face, before the pulse is applied. After the pulse,
+/// both have a level of 0 dB at the face.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct NearField {
-    /// Samples of a scanline; even.
+    /// Samples per scanline; an even number.
     pub(crate) samples: u32,
-    /// Reverberation and clutter, each (re, im) [scanlines × samples].
+    /// Baseband of reverberation (re, im), then of clutter (re, im) [scanlines × samples].
     pub(crate) values: Vec<[f32; 4]>,
 }
 
 impl NearField {
-    /// The table of a probe whose pulse has the samples `pulse`.
+    /// Makes the table for a probe whose pulse envelope has the samples `pulse`.
     pub(crate) fn new(probe: &Probe, pulse: &[f32]) -> Self {
         let spacing_mm = probe.sample_spacing_mm();
         let samples = (((NEAR_MM / spacing_mm).ceil() as u32).next_multiple_of(2)).min(probe.samples & !1);
         let haze_mm = HAZE_DEPTH_MM.max(4.0 * probe.axial_sigma_mm());
-        // All of it changes over more than a pulse, which therefore adds it in phase.
+        // Haze and arcs change slowly over a pulse, so the pulse adds them in phase.
         let scale = 1.0 / pulse.iter().map(|&w| f64::from(w)).sum::<f64>();
         let depth = |sample: u32| Depth::new((f64::from(sample) + 0.5) * spacing_mm, haze_mm);
         let depths: Vec<Depth> = (0..samples).map(depth).collect();
@@ -71,22 +73,22 @@ impl NearField {
     }
 }
 
-/// Values that all scanlines share at a depth.
+/// Values at a depth that all scanlines share.
 struct Depth {
-    /// Place in the fields of haze and clutter, and in that of the arcs.
+    /// Position in the random fields of haze and clutter, and in that of the arcs.
     haze: Along,
     arcs: Along,
-    /// Amplitudes of reverberation and clutter.
+    /// Amplitudes of reverberation and clutter, relative to those at the face.
     ring: f64,
     clutter: f64,
-    /// Amplitude of the arcs, of mean square 1.
+    /// Amplitude of the arcs; its mean square over depth is 1.
     arc: f64,
 }
 
 impl Depth {
     fn new(mm: f64, haze_mm: f64) -> Self {
         let fallen = |db_cm: f64| 10f64.powf(-db_cm * mm / 200.0);
-        // Every other arc is weaker: it returns from the back of the lens. The mean square of the bracket is 1.75.
+        // Every other arc is weaker: it returns from the back of the lens. The mean square of the bracket is 1.745.
         let turn = std::f64::consts::TAU * mm / ARC_MM;
         let arc = (1.0 + turn.cos() + 0.7 * (0.5 * turn).cos()) / 1.745_f64.sqrt();
         Self {
@@ -99,11 +101,12 @@ impl Depth {
     }
 }
 
-/// A place between two nodes of a field.
+/// Position along one axis of a random [`Field`]: index of the node before it, and the weights of both neighbouring
+/// nodes.
 #[derive(Debug, Clone, Copy)]
 struct Along {
     row: usize,
-    /// Weights of this node and of the next one; their squares add to 1.
+    /// Weights of node `row` and of the next one; their squares add to 1.
     weights: [f64; 2],
 }
 
@@ -115,16 +118,17 @@ impl Along {
     }
 }
 
-/// A complex random function of depth on a scanline, of mean square 1, that changes gradually along and across.
+/// A complex random function of depth along one scanline: random values at nodes, interpolated along and across. Its
+/// mean square is 1.
 struct Field {
-    /// Nodes on both sides of the scanline [rows].
+    /// Values of the nodes in the columns on both sides of the scanline [rows].
     nodes: Vec<[[f64; 2]; 2]>,
-    /// Weights of the two sides.
+    /// Weights of the two columns; their squares add to 1.
     weights: [f64; 2],
 }
 
 impl Field {
-    /// The first `rows` nodes beside the place `across`, in units of the distance over which the field changes.
+    /// The first `rows` rows of nodes around position `across`, which is in columns. `kind` numbers independent fields.
     fn new(kind: u64, across: f64, rows: usize) -> Self {
         let Along { row: column, weights } = Along::new(across);
         let node = |row: usize| [column, column + 1].map(|column| node(kind, row as u64, column as u64));
@@ -143,7 +147,7 @@ impl Field {
     }
 }
 
-/// A complex number of mean square 1, normally distributed.
+/// Value of a node: a complex normal number of mean square 1.
 fn node(kind: u64, row: u64, column: u64) -> [f64; 2] {
     let bits = random::bits(SEED ^ (kind << 56) ^ (column << 28) ^ row);
     let radius = (-random::fraction(bits).max(1.0e-12).ln()).sqrt();
@@ -151,13 +155,13 @@ fn node(kind: u64, row: u64, column: u64) -> [f64; 2] {
     [radius * cos, radius * sin]
 }
 
-/// Amplitude of white noise whose mean square after the pulse is `level_db`.
+/// Amplitude of white noise that has the mean square `level_db` after the pulse.
 pub(crate) fn white_amplitude(level_db: f64, pulse: &[f32]) -> f64 {
     let pulse_power: f64 = pulse.iter().map(|&w| f64::from(w).powi(2)).sum();
     10f64.powf(level_db / 20.0) / pulse_power.sqrt()
 }
 
-/// Seed of the noise of a frame, from the settings' seed, the scene's time and the number of its angle.
+/// Seed of a frame's noise, from the settings' seed, the scene's time and the index of the steering angle.
 pub(crate) fn noise_seed(seed: u32, time_s: f64, angle: u32) -> u32 {
     random::bits(u64::from(seed) ^ u64::from(angle) << 48 ^ time_s.to_bits().rotate_left(17)) as u32
 }
@@ -170,7 +174,7 @@ mod tests {
     fn reverberation_and_clutter_have_their_level_at_the_face_and_fall_with_depth() {
         let probe = Probe { scanlines: 512, ..Probe::default() };
         let table = NearField::new(&probe, &[0.5, 1.0, 0.5]);
-        // Level after the pulse, whose sum is 2, over arcs and haze of 2.4 mm.
+        // Level after the pulse, whose sum is 2, averaged over 2.4 mm of depth.
         let level_db = |depth_mm: f64, part: usize| {
             let from = (depth_mm / probe.sample_spacing_mm()) as usize;
             let rows = table.values.chunks_exact(table.samples as usize);

@@ -6,32 +6,32 @@ use crate::constants::{HAS_REFLECTED, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
 ///
-/// The fields are those of [`twin::Segment`](crate::twin::Segment). Its start and its echo have buffers of their own.
+/// The fields are those of [`twin::Segment`](crate::twin::Segment). The range of its start and its echo have buffers of
+/// their own.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Segment {
-    /// Scatterer lookup position at ρ = 0, mm.
+    /// Position at which scatterers are looked up at ρ = 0, scene at rest, mm.
     pub(crate) origin_mm: [f32; 3],
-    /// ln of the amplitude at ρ = 0, two-way.
+    /// ln of the two-way amplitude at ρ = 0.
     pub(crate) ln_amplitude_at_zero: f32,
     /// Change of the lookup position per mm of range.
     pub(crate) step: [f32; 3],
-    /// Decrease of the ln amplitude per mm of range.
+    /// Decrease of the ln amplitude, nepers per mm of range.
     pub(crate) fall_np_mm: f32,
     /// Mean amplitude of the medium's scatterers.
     pub(crate) scatterer_mean: f32,
     /// Standard deviation of that amplitude.
     pub(crate) scatterer_deviation: f32,
-    /// Density of the scatterers, number of the texture, whether the path has reflected, and
-    /// [`TAG`](crate::constants::TAG).
+    /// Scatterer density, texture number, [`HAS_REFLECTED`] and [`TAG`](crate::constants::TAG) in one word.
     pub(crate) scatterers: u32,
-    /// ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, the value just
-    /// behind the interface.
+    /// ln of the two-way amplitude at ρ = 0 of a wave that passes every interface. From the first reflection on, it
+    /// keeps its value just beyond the reflecting interface.
     pub(crate) ln_passed_at_zero: f32,
 }
 
 impl Segment {
-    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    /// Fraction of the lattice's cells that hold a scatterer, in 1/131072.
     #[inline(always)]
     pub(crate) const fn scatterer_density(&self) -> u32 {
         self.scatterers & TAG_DENSITY
@@ -43,13 +43,13 @@ impl Segment {
         (self.scatterers >> TEXTURE_SHIFT & TEXTURE_MASK) as usize
     }
 
-    /// Whether the path has reflected before it.
+    /// Whether the path has reflected before this segment.
     #[inline(always)]
     pub(crate) const fn has_reflected(&self) -> bool {
         self.scatterers & HAS_REFLECTED != 0
     }
 
-    /// Loss from the face to a range on a segment that no reflection came before, one-way nepers.
+    /// Loss from the face to a range, one-way nepers. Only valid on segments before the first reflection.
     #[inline(always)]
     pub(crate) fn loss_np(&self, range_mm: f32) -> f32 {
         0.5 * (self.fall_np_mm * range_mm - self.ln_passed_at_zero)

@@ -1,4 +1,4 @@
-//! Tables that renderers share.
+//! Tables that several renderers share.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::configuration::{Configuration, Media};
 use super::error::RenderError;
 use super::tables::Tables;
 
-/// Tables of a probe and settings.
+/// Tables for one probe and one set of settings. Cloning shares them.
 #[derive(Debug, Clone)]
 pub struct SharedTables(Arc<Tables>);
 
@@ -24,19 +24,19 @@ impl SharedTables {
     }
 }
 
-/// Makes tables for the renderers of a scene, before they need them.
+/// Makes tables for renderers of a scene ahead of time.
 #[derive(Debug)]
 pub struct TableMaker {
     media: Media,
 }
 
 impl TableMaker {
-    /// Makes no table yet: only what a scene and its hierarchy say of their media.
+    /// Reads the media of a scene; makes no table yet.
     pub fn new(scene: &Scene, bvh: &Bvh) -> Self {
         Self { media: Media::new(scene, bvh) }
     }
 
-    /// Tables of a probe and settings. What `known` ones hold already is taken over.
+    /// Makes the tables for a probe and settings; tables of `known` that fit are reused.
     ///
     /// # Errors
     /// A value outside its range.

@@ -1,4 +1,4 @@
-//! Cells of the sheets of scatterers.
+//! Cells of the scatterer sheets.
 
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
@@ -9,18 +9,21 @@ use insonify_core::transducer::Probe;
 
 use super::constants::{CELL_MM, CELL_QUARTERS, SHEET_CELL_MAX_MM, SHEET_CELL_PER_SPACING};
 
-/// Distances at which the chance of the same scatterer is drawn, and the largest, sides of a cell.
+/// Number of distances at which the chance of a shared scatterer is estimated, and the largest distance in sides of a
+/// cell.
 const STEPS: u32 = 24;
 const DISTANCE_MAX: f64 = 1.2;
-/// Random cells at each of them.
+/// Random cells drawn at each distance.
 const DRAWS: u32 = 20_000;
 
-/// Cells of the sheets.
+/// Square cells into which the scatterer sheets are divided.
 ///
-/// A scanline sees the cells that it crosses. Where cells are narrower than scanlines are apart, the scanlines of another
-/// steering angle cross other cells, and frames of two angles are far less alike than waves make them. So the cells of probes that
-/// steer are as wide as scanlines are apart. To keep grains short along the scanline, a wide cell has several scatterers in
-/// its quarters, and a sample takes the one whose range is nearest.
+/// A scanline sees the cells that it crosses. If cells were narrower than the spacing of scanlines, the scanlines of
+/// another steering angle would cross other cells. Frames of two angles would then be far less alike than waves make
+/// them. So on probes that steer, cells are as wide as the spacing.
+///
+/// To keep speckle grains short along the scanline, a wide cell has several scatterers, each in its own quarter. A
+/// sample takes the one whose range is nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SheetCells {
     /// Side, mm.
@@ -37,13 +40,13 @@ impl SheetCells {
         Self { side_mm, scatterers: ((side_mm / CELL_MM).round() as u32).clamp(1, CELL_QUARTERS) }
     }
 
-    /// Chance that two points of a sheet lie in one cell, by their distance along both axes of the cells.
+    /// Probability that two points of a sheet lie in one cell, from their distance along both axes of the cells, mm.
     pub(crate) fn chance_of_same(self, distance_mm: [f64; 2]) -> f64 {
         distance_mm.map(|mm| (1.0 - mm.abs() / self.side_mm).max(0.0)).iter().product()
     }
 
-    /// Chance that two points of one cell take the same of its scatterers, by their distance on the sheet in the direction
-    /// of the range.
+    /// Probability that two points of one cell take the same scatterer, from their distance in the sheet along the
+    /// direction of the range, mm.
     pub(crate) fn chance_of_same_nearest(self, distance_mm: f64) -> f64 {
         static CHANCES: [LazyLock<Vec<f64>>; 3] =
             [LazyLock::new(|| drawn(2)), LazyLock::new(|| drawn(3)), LazyLock::new(|| drawn(4))];
@@ -54,12 +57,12 @@ impl SheetCells {
     }
 }
 
-/// [`SheetCells::chance_of_same_nearest`] at each distance for a number of scatterers.
+/// Table of [`SheetCells::chance_of_same_nearest`] at each distance, for cells of `scatterers` scatterers.
 fn drawn(scatterers: u32) -> Vec<f64> {
     (0..=STEPS).map(|step| drawn_at(scatterers, DISTANCE_MAX * f64::from(step) / f64::from(STEPS))).collect()
 }
 
-/// The chance at one distance, sides of a cell, by random cells, points and directions.
+/// Estimates that probability at one distance, in sides of a cell, from random cells, points and directions.
 fn drawn_at(scatterers: u32, distance: f64) -> f64 {
     let [mut both, mut same] = [0u32; 2];
     for draw in 0..DRAWS {

@@ -1,12 +1,14 @@
 //! Sheets of scatterers, which make speckle change gradually across the slice.
 //!
-//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with scatterers in square cells: see
-//! [`SheetCells`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
-//! ±Y, each weighted by (1 − (y/Y)²)² and divided by the root of the weights' squared sum. A slide along ŷ moves no such
-//! point on its sheet, it only changes the weights: their autocorrelation is that of the speckle. Y is fitted to theory.
+//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with scatterers in square cells:
+//! see [`SheetCells`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets at |y| ≤
+//! Y. Each has the weight (1 − (y/Y)²)², divided by the root of the weights' squared sum.
+//!
+//! If the probe slides along ŷ, the line meets the sheets at the same points, and only the weights change. So the
+//! autocorrelation of the weights is that of the speckle. Y is fitted to theory.
 //!
 //! Six families lie on the axes of an icosahedron, so that one of them is within 37.4° of any slice. A frame takes the
-//! nearest; close to the border of two or three of them, it blends.
+//! nearest family, and blends two or three that are about equally near.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use insonify_core::transducer::Probe;
@@ -14,43 +16,44 @@ use insonify_core::transducer::Probe;
 use super::constants::{DEPTH_BLOCK, SHEET_FAMILIES, SHEETS};
 use super::sheet_cells::SheetCells;
 
-/// Turn of the families against the scene's axes, which makes usual slices cut the sheets obliquely: 1.16 rad about
-/// (−1, 1, 1). Each scene axis is then 20.6° from its nearest family, and far from the borders.
+/// Rotation of the families against the scene's axes, which makes usual slices cut the sheets obliquely: 1.16 rad about
+/// (−1, 1, 1). Each scene axis is then 20.6° from its nearest family, and far from orientations that blend families.
 const TURN_RAD: f64 = 1.16;
-/// Width of a border, in the squared cosine between a family's normal and the elevational axis.
+/// A family is blended in if its squared cosine, between normal and elevational axis, is at most this much below the
+/// nearest family's.
 const BORDER: f64 = 0.06;
-/// Depths at which Y is fitted.
+/// Number of depths at which Y is fitted.
 const NODES: usize = 16;
-/// Slides of the fit, and the largest, λ·F/H.
+/// Number of slides across the slice used for the fit, and the largest in units of λ·F/H (wavelength × focus / height).
 const SLIDES: usize = 24;
 const SLIDE_MAX: f64 = 1.3;
-/// Values of Y that are tried, λ·F/H.
+/// Range of values of Y that are tried, in units of λ·F/H, and number of steps.
 const TRIED: [f64; 2] = [0.3, 3.0];
 const TRIES: usize = 135;
-/// Most that Y departs from its mean over the depths, as a factor.
+/// Largest ratio of Y to its mean over the depths, and of the mean to Y.
 const DEPARTS_MAX: f64 = 1.25;
-/// Orientations over which the scatterers' power is averaged.
+/// Number of slice orientations over which the scatterers' power is averaged.
 const ORIENTATIONS: u32 = 512;
 
-/// The sheets of a probe.
+/// Sheets of scatterers for a probe.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sheets {
-    /// Distance between the sheets of a family, mm.
+    /// Distance between neighbouring sheets of a family, mm.
     pub(crate) spacing_mm: f64,
-    /// 1/Y for each block of samples, 1/mm.
+    /// 1/Y at each block of samples, 1/mm.
     pub(crate) per_reach_mm: Vec<f32>,
-    /// Mean of Y, mm.
+    /// Mean of Y over the depths, mm.
     reach_mm: f64,
     cells: SheetCells,
 }
 
-/// A family of sheets as a slice sees it.
+/// A family of sheets, weighted for one slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Family {
     pub(crate) number: u32,
-    /// Normal of the sheets, and the axes of their cells.
+    /// Unit normal of the sheets, and the two axes of their cells.
     pub(crate) axes: DMat3,
-    /// Part of its amplitude in the sum; the squares sum to 1.
+    /// Amplitude weight of this family; the squares over a slice's families sum to 1.
     pub(crate) share: f64,
 }
 
@@ -70,7 +73,7 @@ impl Sheets {
         let reaches_mm: Vec<f64> = (0..blocks).map(reach_mm).collect();
         let widest = reaches_mm.iter().copied().fold(0.0, f64::max);
         Self {
-            // No more than SHEETS of them within ±Y of a slice parallel to them, rounding included.
+            // At most SHEETS sheets lie within ±Y of a slice parallel to them, even with rounding.
             spacing_mm: 2.001 * widest / f64::from(SHEETS),
             per_reach_mm: reaches_mm.iter().map(|y| (1.0 / y) as f32).collect(),
             reach_mm: mean_mm,
@@ -78,8 +81,8 @@ impl Sheets {
         }
     }
 
-    /// Correlation of the scatterers at two points of a slice, averaged over orientations, as a function of their distance
-    /// across scanlines and along them, mm.
+    /// Correlation of the scatterers at two points of a slice, as a function of the points' distance across and along
+    /// scanlines, mm. It is averaged over the slice's orientations.
     pub(crate) fn shared(&self) -> impl Fn([f64; 2]) -> f64 {
         let ways: Vec<[Direction; 2]> = (0..ORIENTATIONS).flat_map(orientation).collect();
         let (sum, reach_mm) = (ways.iter().map(|[way, _]| way.power).sum::<f64>(), self.reach_mm);
@@ -88,7 +91,7 @@ impl Sheets {
             let of = |[across, along]: &[Direction; 2]| {
                 let moved = |of: fn(&Direction) -> f64| across_mm * of(across) + along_mm * of(along);
                 let cell = cells.chance_of_same([moved(|way| way.first), moved(|way| way.second)]);
-                // A step across scanlines doesn't change which scatterer is nearest in range.
+                // A step across scanlines doesn't change which scatterer of a cell is nearest in range.
                 let nearest = cells.chance_of_same_nearest(along_mm / along.in_sheet);
                 along.power * cell * nearest * weights_correlation(moved(|way| way.elevational) / reach_mm)
             };
@@ -97,7 +100,7 @@ impl Sheets {
     }
 }
 
-/// Y for each depth: the weights' autocorrelation is nearest to that of the lens's speckle.
+/// Y at each depth, mm: its weights' autocorrelation comes nearest to that of the lens's speckle.
 fn reaches_mm(probe: &Probe, depths_mm: &[f64]) -> Vec<f64> {
     let lens = probe.elevational_lens();
     let scale_mm = lens.scale_mm();
@@ -114,13 +117,13 @@ fn reaches_mm(probe: &Probe, depths_mm: &[f64]) -> Vec<f64> {
     lens.slide_correlation(|part| probe.apodization.weight(part), depths_mm, &slides_mm).into_iter().map(fit).collect()
 }
 
-/// Autocorrelation of (1 − x²)² on −1..1 at a distance.
+/// Autocorrelation of the weight (1 − x²)² on −1..1 at a lag.
 fn weights_correlation(distance: f64) -> f64 {
     let u = (0.5 * distance.abs()).min(1.0);
     (1.0 - u).powi(5) * (1.0 + u * (5.0 + u * (9.0 + u * (5.0 + u))))
 }
 
-/// The families that a slice takes, whose elevational axis is given, with their shares.
+/// The families that a slice takes, with their weights. `elevational` is the slice's elevational axis in the scene.
 pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     // The axes of an icosahedron: (0, 1, ±φ) and its rotations.
     let long = 0.5 * (1.0 + 5f64.sqrt());
@@ -132,7 +135,7 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     let near = normals.map(|normal| normal.dot(elevational).powi(2));
     let nearest = near.into_iter().fold(0.0, f64::max);
     let counts = near.map(|near| ((near - nearest + BORDER) / BORDER).max(0.0));
-    // No four families meet within a border's width.
+    // At most three families are near enough to be blended.
     let total = counts.iter().map(|c| c * c).sum::<f64>().sqrt();
     let family = move |(number, normal): (u32, DVec3)| {
         let first = normal.any_orthonormal_vector();
@@ -142,20 +145,23 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     (0u32..).zip(normals).map(family).filter(|family| family.share > 0.0).take(SHEET_FAMILIES as usize)
 }
 
-/// Direction in a slice, in a family's coordinates.
+/// A direction in a slice, as one family sees it: how the point where a sample's elevational line meets a sheet moves
+/// with the sample.
 #[derive(Debug, Clone, Copy)]
 struct Direction {
-    /// Change along the two axes of the cells, and along the elevational axis, per mm.
+    /// Displacement of that point along the two axes of the cells, and along the elevational axis, per mm of the
+    /// sample.
     first: f64,
     second: f64,
     elevational: f64,
     /// Length of the direction's projection on the sheet.
     in_sheet: f64,
-    /// Share of the family in the power.
+    /// Weight of the family in power.
     power: f64,
 }
 
-/// Directions across and along the scanlines, of each family of a slice. Slices are spread evenly over all orientations.
+/// Directions across and along the scanlines of a slice, for each of its families. Indices spread the slices evenly
+/// over all orientations.
 fn orientation(index: u32) -> impl Iterator<Item = [Direction; 2]> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let z = 1.0 - (f64::from(index) + 0.5) * 2.0 / f64::from(ORIENTATIONS);
@@ -233,7 +239,7 @@ mod tests {
             let sheets = Sheets::new(&probe);
             for per_reach_mm in sheets.per_reach_mm {
                 let within = 2.0 / (f64::from(per_reach_mm) * sheets.spacing_mm);
-                // And at least one has a weight, on the most oblique slice.
+                // At least one sheet has a weight, even on the most oblique slice.
                 assert!(within <= f64::from(SHEETS) && 0.77 * within > 1.2, "{height_mm} {focus_mm}: {within}");
             }
         }

@@ -1,4 +1,4 @@
-//! Inputs and outputs of every pass of a frame, to compare passes with their twins.
+//! Inputs and outputs of every pass of a frame, to compare the passes with their f64 twins.
 
 use glam::{DVec2, DVec3, Vec3};
 use insonify_core::anatomy::bvh::Moved;
@@ -13,7 +13,7 @@ use super::twin::{
     Transmission,
 };
 
-/// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
+/// Outputs of every pass of one frame, laid out as in the shaders; images are without padding.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PassBuffers {
     pub(super) starts_inside: Vec<[u32; 8]>,
@@ -23,28 +23,30 @@ pub(super) struct PassBuffers {
     pub(super) echoes: Vec<[f32; 2]>,
     pub(super) segment_counts: Vec<u32>,
     pub(super) hints: Vec<u32>,
-    /// `transmission`: mask [planes × cells] and the loss of each row's best cell.
+    /// `transmission`: relative transmission of each cell [planes × cells], and the loss of each plane's best cell.
     pub(super) mask: Vec<[f32; 2]>,
     pub(super) row_np: Vec<f32>,
-    /// `propagate`, and the first plane that it fills.
+    /// `propagate`: fields, and the first plane that they include.
     pub(super) fields: Vec<f32>,
     pub(super) first_plane: u32,
-    /// `beams`: amplitudes [planes × beams × cells] from the first plane on, powers [planes × cells].
+    /// `beams`: two-way amplitudes [planes × beams × cells] from `first_plane` on; `profiles`: echo powers [planes ×
+    /// cells].
     pub(super) amplitudes: Vec<f32>,
     pub(super) beam_powers: Vec<f32>,
-    /// `profiles`: weights [planes × scanlines × taps], blends [planes × scanlines].
+    /// `profiles`: weights [planes × scanlines × taps]; kept part of the depth's kernel, first tap and end [planes ×
+    /// scanlines].
     pub(super) profiles: Vec<f32>,
     pub(super) blends: Vec<[f32; 3]>,
-    /// `visibility` [scanlines × (planes + 1)].
+    /// `visibility`: gain along the scanlines [scanlines × (planes + 1)].
     pub(super) line_gains: Vec<Boundary>,
-    /// `visibility` [scanlines × blocks].
+    /// `visibility`: gain and position of each block [scanlines × blocks].
     pub(super) block_gains: Vec<[f32; 2]>,
-    /// `march` [scanlines × blocks].
+    /// `march`: amplitude of reflections over that of the aperture [scanlines × blocks].
     pub(super) reflected: Vec<f32>,
-    /// Baseband before the interfaces echo.
+    /// Baseband before and after `echo` adds the interfaces.
     pub(super) scattered: Vec<[f32; 2]>,
     pub(super) baseband: Vec<[f32; 2]>,
-    /// Focused baseband before `receive` adds to it.
+    /// Focused baseband before and after `receive` adds to it.
     pub(super) focused: Vec<[f32; 2]>,
     pub(super) received: Vec<[f32; 2]>,
     pub(super) lines: Vec<[f32; 2]>,
@@ -57,74 +59,77 @@ pub(super) struct PassBuffers {
     pub(super) segmentation: Vec<u8>,
     pub(super) attenuation: Vec<f32>,
     pub(super) overflows: u32,
-    /// The moved scene of a device, which moves its own.
+    /// The moved scene, if a device moved it; on the host, the tree holds it.
     pub(super) moved: Option<Moved>,
 }
 
-/// Inputs and outputs of every pass of one frame, as typed values in f64.
+/// Inputs and outputs of every pass of one frame, as f64 values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// Inputs of the passes, except outputs of other passes.
+    /// Inputs of the passes, without outputs of other passes.
     pub inputs: Inputs,
-    /// `displace`: displacement of each moving vertex from rest, mm; empty without motion.
+    /// `displace`: displacement of each moving vertex from its rest position, mm; empty without motion.
     pub displaced_mm: Vec<DVec3>,
-    /// `refit`: nodes of the tree; empty without motion.
+    /// `refit`: nodes of the moved tree; empty without motion.
     pub nodes: Vec<Node>,
-    /// `locate`: surfaces that each path starts inside, and its coupling `[paths]`.
+    /// `locate`: for each path, the surfaces that it starts inside, and the coupling of its part of the face.
     pub launches: Vec<Launched>,
-    /// `trace`: paths `[paths]`.
+    /// `trace`: all paths, the axial ones last.
     pub paths: Vec<Path>,
-    /// `trace`: segment that holds the first sample of each block of `hint_block` [paths × blocks].
+    /// `trace`: index of the segment at the first sample of each block of `hint_block` samples [paths × blocks].
     pub hints: Vec<u8>,
-    /// Samples that share a hint.
+    /// Number of samples that share a hint.
     pub hint_block: usize,
-    /// `transmission`; empty without the aperture, as the next three.
+    /// `transmission`; like all outputs up to `block_gains`, empty without the aperture.
     pub transmission: Transmission,
-    /// `propagate`: field of each mode at each cell [modes × planes × cells], from `first_plane` on.
+    /// `propagate`: field of each mode (a wave along the face) at each cell [modes × planes × cells]. Valid from
+    /// `first_plane` on.
     pub fields: Vec<DVec2>,
-    /// First plane of `fields`.
+    /// First depth plane of `fields` and `amplitudes`.
     pub first_plane: usize,
-    /// `beams`: amplitude of each beam of a period at each cell [planes × beams × cells], from `first_plane` on.
+    /// `beams`: two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Valid from
+    /// `first_plane` on.
     pub amplitudes: Vec<f64>,
-    /// `beams`: echo power at each node [planes × cells], the first nodes of each row.
+    /// `profiles`: echo power of the beam at each node [planes × cells]; each row has values only in its first
+    /// elements.
     pub beam_powers: Vec<f64>,
-    /// `profiles` [planes × scanlines].
+    /// `profiles`: weights of neighbouring scanlines [planes × scanlines].
     pub profiles: Vec<Profile>,
-    /// `visibility` [scanlines × (planes + 1)].
+    /// `visibility`: gain along the scanlines [scanlines × (planes + 1)].
     pub line_gains: Vec<twin::Boundary>,
-    /// `visibility`: gain of each block and its position [scanlines × blocks].
+    /// `visibility`: gain of each block, and its position among the depth planes [scanlines × blocks].
     pub block_gains: Vec<BlockGain>,
-    /// `march`: amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each
-    /// block [scanlines × blocks].
+    /// `march`: ratio of the amplitude that came by reflections to the amplitude that the aperture sees, at the first
+    /// sample of each block [scanlines × blocks].
     pub reflected: Vec<f64>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,
-    /// `echo`: the same with the interfaces' echoes.
+    /// `echo`: `scattered` with the echoes of interfaces.
     pub baseband: Vec<DVec2>,
-    /// `lateral`: baseband after the beam.
+    /// `lateral`: `baseband` after the lateral point-spread function.
     pub focused: Vec<DVec2>,
-    /// `receive`: the same with noise, clutter and reverberation.
+    /// `receive`: `focused` with noise, clutter and reverberation.
     pub received: Vec<DVec2>,
-    /// `detect`: baseband after the pulse; empty unless the settings ask for lines.
+    /// `detect`: `received` after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
     /// `detect`: grey levels [scanlines × samples].
     pub grey: Vec<f64>,
-    /// `section`: media along the map rays.
+    /// `section`: stretches of media along the map rays, and their raster.
     pub sections: Sections,
-    /// `percentile`: Σμ of the attenuation's 98th percentile, nepers.
+    /// `percentile`: one-way Σμ at the 98th percentile of the attenuation, nepers.
     pub percentile_np: f64,
     /// `scan_convert`: grey levels [height × width].
     pub bmode: Vec<u8>,
     /// `scan_convert`: tissue numbers [height × width].
     pub segmentation: Vec<u8>,
-    /// `scan_convert`: attenuation over its percentile [height × width].
+    /// `scan_convert`: attenuation over its 98th percentile [height × width].
     pub attenuation: Vec<f64>,
-    /// Number of crossings that found no room.
+    /// Number of crossings and interactions that exceeded the buffers' capacity.
     pub overflows: u32,
 }
 
 impl Snapshot {
-    /// The outputs of a frame as values.
+    /// Converts the passes' outputs from the shaders' layouts.
     pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, angle }: FrameInputs<'_>) -> Self {
         let (params, tables) = (&configuration.params, &configuration.tables);
         let moved = buffers.moved.as_ref().cloned().or_else(|| bvh.moved());
@@ -169,7 +174,7 @@ impl Snapshot {
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
             received: complex(&buffers.received),
-            // A device's buffer of lines is shorter if they are not wanted.
+            // A device's buffer of lines is shorter if the settings don't ask for lines.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },
             grey: polar.into_iter().map(|word| f64::from(word & 0xffff) / 257.0).collect(),
             sections,
@@ -187,12 +192,12 @@ fn place(&[x, y, z, _]: &[f32; 4]) -> DVec3 {
     Vec3::new(x, y, z).as_dvec3()
 }
 
-/// A size of the aperture's tables; 0 without the effect.
+/// One of the aperture's sizes; 0 without the effect `aperture`.
 fn of_aperture(inputs: &Inputs, size: impl Fn(&Aperture) -> usize) -> usize {
     inputs.aperture.as_ref().map_or(0, size)
 }
 
-/// The first numbers of a buffer, which may be longer.
+/// The first `count` numbers of a buffer, as f64.
 fn wide(values: &[f32], count: usize) -> Vec<f64> {
     values.iter().take(count).map(|&v| v.into()).collect()
 }
@@ -204,7 +209,7 @@ fn transmission_from(buffers: &PassBuffers, inputs: &Inputs) -> Transmission {
     }
 }
 
-/// The fields with real and imaginary parts together.
+/// Fields as complex numbers; the buffer has real and imaginary parts in separate rows.
 fn fields_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<DVec2> {
     let rows = of_aperture(inputs, |a| a.modes.len() * a.planes);
     let cells = of_aperture(inputs, |a| a.cells).max(1);
@@ -237,7 +242,7 @@ fn reflected_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<f64> {
     buffers.reflected.iter().take(count).map(|&over_aperture| over_aperture.into()).collect()
 }
 
-/// Profiles with zeros beyond their ends, which the passes do not read.
+/// Profiles with zeros beyond their ends, where the buffer holds unused values.
 fn profiles_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Profile> {
     let taps = inputs.lateral_kernels[0].len();
     let count = of_aperture(inputs, |a| inputs.scanlines * a.planes);

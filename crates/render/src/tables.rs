@@ -1,4 +1,5 @@
-//! Tables computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
+//! Tables that don't change with the pose: ray directions, kernels, pulse, pixel positions, tissues. They are computed
+//! once, in f64.
 
 use std::sync::Arc;
 
@@ -20,13 +21,13 @@ use super::receiver::NearField;
 use super::sheets::Sheets;
 use super::texture::PackedTexture;
 
-/// Words of four pixels across a tile of the image.
+/// Width of a tile of the image, words of four pixels.
 const TILE_WORDS: u32 = 4;
-/// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a
-/// fraction of the distance between map rays.
+/// Least number of map steps over the depth, even for small images. At an oblique boundary, the error of Σμ grows with
+/// the spacing of map rays, which is at most a step.
 const MAP_STEPS_MIN: f64 = 1000.0;
 
-/// `Tissue` of `shaders/shared/tissue.wgsl`.
+/// A tissue as the passes need it: `Tissue` of `shaders/shared/tissue.wgsl`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]
 pub(crate) struct PackedTissue {
@@ -34,7 +35,7 @@ pub(crate) struct PackedTissue {
     pub(crate) speed_ratio: f32,
     pub(crate) attenuation_np_mm: f32,
     pub(crate) roughness: f32,
-    /// Density in 1/131072, with the number of the texture from bit [`TEXTURE_SHIFT`] on.
+    /// Scatterer density in 1/131072, and the texture's number from bit [`TEXTURE_SHIFT`] on.
     pub(crate) scatterers: u32,
     pub(crate) scatterer_mean: f32,
     pub(crate) scatterer_deviation: f32,
@@ -46,7 +47,7 @@ pub(crate) struct PackedTissue {
 }
 
 impl PackedTissue {
-    /// A tissue with the simulated effects; an effect that is off has the value that makes it do nothing.
+    /// Packs a tissue. An effect that is not simulated gets the value with which its arithmetic does nothing.
     fn new(number: usize, tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
         let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
         let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
@@ -55,7 +56,8 @@ impl PackedTissue {
         let loss_np_mm = probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * NEPER_PER_DB;
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
         let aperture_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
-        // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
+        // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature, which is never
+        // negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
         let textured = effects.has(Effect::Texture) && PackedTexture::is_of(tissue);
         let texture = if textured { (number as u32 + 1) << TEXTURE_SHIFT } else { 0 };
@@ -77,48 +79,49 @@ impl PackedTissue {
     }
 }
 
-/// A steering angle of a compounded picture, and where its scanlines lie.
+/// A steering angle of a compounded picture, and the positions of pixels on its scanlines.
 #[derive(Debug, Clone)]
 pub(crate) struct SteeredAngle {
     /// Steering angle, radians.
     pub(crate) steer_rad: f64,
-    /// Packed place of each pixel on its steered scanlines [height × 4·row_words]; empty without steering.
+    /// Packed position of each pixel on the steered scanlines [height × 4·row_words]; empty for the straight angle.
     pub(crate) pixels: Arc<[u32]>,
 }
 
-/// Everything that doesn't change with the pose.
+/// All tables of a configuration, which don't change with the pose.
 #[derive(Debug, Clone)]
 pub(crate) struct Tables {
-    /// Origin and direction, two vectors each: every ray of every scanline, then every scanline's axis.
+    /// Origin and direction, one vector each, of every ray of every scanline, then of every scanline's axis.
     pub(crate) rays: Vec<[f32; 4]>,
-    /// Origin and direction of each map ray.
+    /// Origin and direction, one vector each, of every map ray.
     pub(crate) map_rays: Vec<[f32; 4]>,
     pub(crate) map_ray_count: u32,
-    /// Number of depths per map ray, `map_step_mm` apart, from the face to beyond the deepest pixel.
+    /// Number of depths on each map ray, `map_step_mm` apart, from the face to beyond the deepest pixel.
     pub(crate) map_depths: u32,
-    /// Spacing of those depths, and largest spacing of neighbouring map rays, mm.
+    /// Spacing of the depths, and largest spacing of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
-    /// Distance of neighbouring scanlines at the face, mm.
+    /// Spacing of neighbouring scanlines at the face, mm.
     pub(crate) face_spacing_mm: f64,
-    /// Paths of a scanline [angles × layers × rays], the straight angle first. Each has its elevational offset at the face (mm), its
-    /// slope, its length per mm of depth, and 0.
+    /// Elevational offsets of the paths of a scanline [angles × layers × rays], the straight angle first. Each entry
+    /// holds the offset at the face (mm), the slope, the path's length per mm of depth, and 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
-    /// Texture of each tissue; empty without the effect.
+    /// Texture of each tissue; empty without the effect `texture`.
     pub(crate) textures: Vec<PackedTexture>,
-    /// The point-spread function.
+    /// Kernels of the point-spread function.
     pub(crate) kernels: Kernels,
-    /// Tables of the aperture; none if its effect is off.
+    /// Tables of the aperture; `None` if the effect `aperture` is off.
     pub(crate) aperture: Option<ApertureTables>,
-    /// Sheets of scatterers; none without the effect.
+    /// Sheets of scatterers; `None` if the effect `elevational_speckle` is off.
     pub(crate) sheets: Option<Sheets>,
-    /// Clutter and reverberation; none without either effect.
+    /// Clutter and reverberation near the face. `None` unless effect `contact` or `clutter` is on.
     pub(crate) near_field: Option<NearField>,
-    /// Packed place of each pixel [height × 4·row_words].
+    /// Packed position of each pixel on the straight scanlines [height × 4·row_words].
     pub(crate) pixels: Arc<[u32]>,
-    /// Image indices of the words of four pixels that overlap the sector, tile by tile.
+    /// Indices of the image's words of four pixels that overlap the sector, in the order of tiles.
     pub(crate) sector_words: Arc<[u32]>,
-    /// Angles of a compounded picture in their order; one without steering, with no places of its own, if there is none.
+    /// Steering angles in the order in which they are rendered, the straight one last. Without compounding, the
+    /// straight one alone.
     pub(crate) angles: Vec<SteeredAngle>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
@@ -126,7 +129,7 @@ pub(crate) struct Tables {
     made_for: MadeFor,
 }
 
-/// Probe, settings and effects of tables.
+/// Probe, settings and effects that tables were made for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct MadeFor {
     probe: Probe,
@@ -136,19 +139,19 @@ struct MadeFor {
 
 impl MadeFor {
     fn new(probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
-        // Tables know no seed.
+        // No table depends on the seed.
         let settings = RenderSettings { quality: Quality { seed: 0, ..settings.quality }, ..*settings };
         Self { probe: *probe, settings, effects }
     }
 
-    /// Whether scanlines and pixels of both lie in the same places: pictures don't know where the beam is focused.
+    /// Whether both have the same scanlines and pixels. They don't depend on the focus.
     fn has_pixels_of(&self, other: &Self) -> bool {
         let image = |made: &Self| (made.settings.image.width, made.settings.image.height);
         let probe = |made: &Self| Probe { focus_mm: 0.0, ..made.probe };
         image(self) == image(other) && probe(self) == probe(other)
     }
 
-    /// Whether all of `effects` are simulated by both or by none.
+    /// Whether each of `effects` is on in both or off in both.
     fn agree_on(&self, other: &Self, effects: &[Effect]) -> bool {
         effects.iter().all(|&effect| self.effects.has(effect) == other.effects.has(effect))
     }
@@ -162,7 +165,7 @@ impl MadeFor {
 }
 
 impl Tables {
-    /// Angles that show each pixel, one bit each [height × width].
+    /// Bit set of the steering angles that show each pixel [height × width].
     pub(crate) fn covered(&self) -> Vec<u16> {
         let (width, stride) = (self.sector.width as usize, self.sector.width.div_ceil(4) as usize * 4);
         let place = |angle: &SteeredAngle, i: usize| *angle.pixels.get(i).unwrap_or(&self.pixels[i]);
@@ -172,14 +175,14 @@ impl Tables {
         (0..self.mask.len()).into_par_iter().map(bits).collect()
     }
 
-    /// These tables with the angles of other settings.
+    /// Copy of these tables with the steering angles of `settings`.
     pub(crate) fn with_angles(&self, probe: &Probe, settings: &RenderSettings) -> Self {
         let angles = angles(probe, &settings.look, &self.pixels, &self.angles);
         let made_for = MadeFor::new(probe, settings, self.made_for.effects);
         Self { elevations: elevations_of(probe, settings, &angles), angles, made_for, ..self.clone() }
     }
 
-    /// Tables of a probe and settings: one of the `known` ones, or new ones that take over what those hold already.
+    /// Tables of a probe and settings: a match among `known`, or new ones that reuse single tables of `known`.
     pub(crate) fn new<'a>(
         tissues: &[Tissue],
         probe: &Probe,
@@ -254,8 +257,8 @@ impl Tables {
     }
 }
 
-/// Indices of the words of four pixels with one inside the sector. Tile by tile: pixels near each other read the same part of the
-/// scanlines and of the maps.
+/// Indices of the words of four pixels that overlap the sector. They are sorted by tiles, since pixels near each other
+/// read the same part of the scanlines and maps.
 fn sector_words(pixels: &[u32], width: u32) -> Arc<[u32]> {
     let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
     let mut words: Vec<u32> = (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
@@ -264,7 +267,7 @@ fn sector_words(pixels: &[u32], width: u32) -> Arc<[u32]> {
     words.into()
 }
 
-/// Texture of each tissue; zeros for uniform ones.
+/// Texture of each tissue; zeros for tissues without one.
 fn textures(tissues: &[Tissue]) -> Vec<PackedTexture> {
     let texture = |(i, tissue)| PackedTexture::new(i, tissue).unwrap_or(bytemuck::Zeroable::zeroed());
     tissues.iter().enumerate().map(texture).collect()
@@ -275,7 +278,7 @@ fn push_ray(into: &mut Vec<[f32; 4]>, (origin, direction): (DVec3, DVec3)) {
     into.push(direction.as_vec3().extend(0.0).to_array());
 }
 
-/// `count` rays spread evenly over the sector.
+/// Origins and directions of `count` rays, spread evenly over the sector.
 fn fan(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     let mut table = Vec::with_capacity(2 * count as usize);
     for i in 0..count {
@@ -285,20 +288,21 @@ fn fan(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
     table
 }
 
-/// Rays of all scanlines, spread evenly over each one's share of the sector, then the scanlines' axes.
+/// Origins and directions of all rays, spread evenly over each scanline's share of the sector, then of the scanlines'
+/// axes.
 fn rays(probe: &Probe, rays_per_line: u32) -> Vec<[f32; 4]> {
     let mut table = fan(probe, probe.scanlines * rays_per_line);
     table.extend(fan(probe, probe.scanlines));
     table
 }
 
-/// Number of map rays: at most a step apart at the deepest arc, and at most 16,384.
+/// Number of map rays, at most 16,384: neighbours are at most a step apart at the deepest arc.
 fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
     let arc_mm = probe.line_spacing_mm(probe.depth_mm) * f64::from(probe.scanlines);
     ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
 }
 
-/// Place of every pixel, rows padded to whole words, and the mask.
+/// Packed position of every pixel, with rows padded to whole words, and the sector's mask without padding.
 fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let stride = sector.width.div_ceil(4) * 4;
     let place = |(column, row)| {
@@ -313,13 +317,13 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     (places, mask)
 }
 
-/// Places of the paths of all angles.
+/// Elevational offsets of the paths of all steering angles.
 fn elevations_of(probe: &Probe, settings: &RenderSettings, angles: &[SteeredAngle]) -> Vec<[f32; 4]> {
     elevations(probe, settings.quality.rays, settings.quality.layers, angles.len() as u32)
 }
 
-/// Angles of a compounded picture; those that are `known` for the same pixels are taken over. The steered ones show the sector as
-/// far as their scanlines lead.
+/// Steering angles of a compounded picture, with their pixel positions. Equal angles of `known`, made for the same
+/// pixels, are reused. Steered scanlines may not reach all of the sector.
 fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32], known: &[SteeredAngle]) -> Vec<SteeredAngle> {
     let angles = look.angles_of(probe.kind);
     let of_angle = |steer_rad: f64| {
@@ -335,14 +339,15 @@ fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32], known: &[SteeredAn
     steering(angles, look.span_deg).into_iter().map(of_angle).collect()
 }
 
-/// From places on straight scanlines to those on steered ones: [`Sector::polar_steered`] by a table over the depth.
+/// Map from positions on straight scanlines to positions on steered ones: [`Sector::polar_steered`] as a table over
+/// depth.
 struct Steering {
-    /// Shift across and depth, in parts of the sector, at equal steps of depth.
+    /// Shift across and steered depth at equal steps of the straight depth, as fractions of the sector.
     steps: Vec<[f64; 2]>,
 }
 
 impl Steering {
-    /// Steps over the depth; a place between two of them is interpolated.
+    /// Number of steps over the depth; between them, values are interpolated.
     const STEPS: u32 = 8192;
 
     fn new(probe: &Probe, steer_rad: f64) -> Self {
@@ -369,12 +374,13 @@ impl Steering {
     }
 }
 
-/// A place as a word; all ones outside the sector.
+/// Packed position of a pixel; [`OUTSIDE`] for `None`. `polar` is the fraction of the sector's width, and the depth in
+/// mm.
 fn packed(probe: &Probe, polar: Option<(f64, f64)>) -> u32 {
     polar.map_or(OUTSIDE, |(across, depth_mm)| pack_place(across, depth_mm / probe.depth_mm))
 }
 
-/// Fractions of the sector's width and depth in one word, rounded to within 1/65,532 and 1/262,140.
+/// Packs fractions of the sector's width and depth into one word, with steps of 1/32,766 and 1/131,070.
 fn pack_place(across: f64, depth: f64) -> u32 {
     let (across_max, depth_max) = place_scales();
     // A cast takes less time than `round`.
@@ -383,14 +389,14 @@ fn pack_place(across: f64, depth: f64) -> u32 {
     across | depth << ACROSS_BITS
 }
 
-/// The fractions of a packed place; none outside the sector.
+/// Fractions of the sector's width and depth in a packed position; `None` outside the sector.
 pub(crate) fn unpack_place(word: u32) -> Option<[f64; 2]> {
     let (across_max, depth_max) = place_scales();
     let across = word & ((1 << ACROSS_BITS) - 1);
     (word != OUTSIDE).then(|| [f64::from(across) / across_max, f64::from(word >> ACROSS_BITS) / depth_max])
 }
 
-/// Codes of a fraction of 1: one less than the bits hold, so no place equals [`OUTSIDE`].
+/// Codes of a fraction of 1 across and in depth: one less than the bits hold, so no position equals [`OUTSIDE`].
 fn place_scales() -> (f64, f64) {
     (f64::from((1u32 << ACROSS_BITS) - 2), f64::from((1u32 << (32 - ACROSS_BITS)) - 2))
 }
@@ -416,7 +422,8 @@ mod tests {
                     let expected = Sector::polar_steered(&probe, point_mm, f64::to_radians(steer_deg));
                     match (found, expected) {
                         (Some([across, depth]), Some((fraction, depth_mm))) => {
-                            // Words hold a place to 1/65,532 and 1/262,140. Two are rounded, and depth moves across.
+                            // A word holds a position to within 1/65,532 and 1/262,140. Two positions are rounded, and
+                            // depth shifts across.
                             assert!((across - fraction).abs() < 2.2 / 65_532.0, "{steer_deg}: {across} {fraction}");
                             let off = (depth - depth_mm / probe.depth_mm).abs();
                             assert!(off < 2.2 / 262_140.0, "{steer_deg}: {off}");

@@ -1,8 +1,9 @@
-//! Texture of tissues: level of their scattering as a fixed random function of place.
+//! Texture of tissues: their scattering level as a fixed random function of position.
 //!
-//! A level is the sum of three functions of a Gaussian random field: clouds (coarse), grain (fine), and septa, bright or
-//! dark sheets where a field passes through zero. A field is a sum of plane waves whose wave vectors have the field's
-//! spectrum: random Fourier features (Rahimi and Recht, NIPS 2007). It has no lattice, and no period within a body.
+//! A level is the sum of three functions of Gaussian random fields: clouds (coarse), grain (fine) and septa (bright or
+//! dark sheets where their field passes through zero). A field is a sum of plane waves whose wave vectors follow the
+//! field's spectrum: random Fourier features (Rahimi and Recht, NIPS 2007). It has no lattice, and does not repeat
+//! within a body.
 
 use std::sync::LazyLock;
 
@@ -11,26 +12,26 @@ use bytemuck::{Pod, Zeroable};
 use insonify_core::anatomy::Tissue;
 use insonify_core::random;
 
-/// Plane waves of a field.
+/// Number of plane waves in a field.
 pub(crate) const WAVES: usize = 16;
-/// Variance of a wave, whose shape is 1 − 2u²(3 − 2u) at the distance u/2 from its crest, in turns.
+/// Variance of a wave. Its value is 1 − 2u²(3 − 2u) at the distance u/2 from its crest, in turns.
 pub(crate) const WAVE_VARIANCE: f64 = 0.485_714_285_714;
-/// Value of a field, in standard deviations, at which a septum has fallen to 1/e.
+/// Septa are exp(−(g/w)²), where g is a Gaussian random field of variance 1; this is w.
 pub(crate) const SEPTUM_WIDTH: f64 = 0.35;
 /// Nepers of a decibel.
 const NP_PER_DB: f64 = std::f64::consts::LN_10 / 20.0;
-/// Greatest offset of a tissue's fields, in units of their scales.
+/// Largest offset of a tissue's fields, in multiples of a field's scale.
 const OFFSET: f64 = 100.0;
 
 /// Texture of a tissue: `Texture` of `shaders/shared/texture.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct PackedTexture {
-    /// Direction of the fibres, and width over length of what follows them, minus 1.
+    /// Direction of the fibres (unit vector), and width over length of structures along them, minus 1.
     pub(crate) fibre: [f32; 4],
-    /// Offsets of clouds, grain and septa, and their units per mm.
+    /// Offset (in scales) and inverse scale (1/mm) of the fields of clouds, grain and septa.
     pub(crate) fields: [[f32; 4]; 3],
-    /// Amounts of the three, nepers, and the level that keeps the mean power.
+    /// Amplitudes of clouds, grain and septa, nepers, and an added level that keeps the mean power.
     pub(crate) amounts: [f32; 4],
 }
 
@@ -40,7 +41,7 @@ impl PackedTexture {
         [tissue.cloud_db, tissue.grain_db, tissue.septa_db] != [0.0; 3]
     }
 
-    /// Texture of the tissue of an index; none if it is uniform.
+    /// Texture of the tissue with this index; `None` if the tissue is uniform.
     pub(crate) fn new(index: usize, tissue: &Tissue) -> Option<Self> {
         if !Self::is_of(tissue) {
             return None;
@@ -55,7 +56,7 @@ impl PackedTexture {
         let [x, y, z] = tissue.fibre;
         let length = (x * x + y * y + z * z).sqrt().max(1.0e-9);
         let [cloud, grain, septa] = amounts;
-        // Mean of the power e^(2·level).
+        // Keeps the mean of the power e^(2·level) at 1.
         let level = -(cloud * cloud + grain * grain + 0.5 * septa_mean_power(septa).ln());
         Some(Self {
             fibre: [x / length, y / length, z / length, 1.0 / tissue.fibre_ratio - 1.0].map(|v| v as f32),
@@ -65,7 +66,7 @@ impl PackedTexture {
     }
 }
 
-/// Mean of e^(2·amount·septum) over a Gaussian field.
+/// Mean of e^(2·amount·septum) over the values of a Gaussian field.
 fn septa_mean_power(amount: f64) -> f64 {
     const STEPS: i32 = 4000;
     if amount == 0.0 {
@@ -81,8 +82,8 @@ fn septa_mean_power(amount: f64) -> f64 {
     sum / total
 }
 
-/// Wave vectors of a field of scale 1, turns per unit, and phases in turns. Their directions spread evenly over a
-/// hemisphere, their lengths over the radii of a Gaussian in three dimensions.
+/// Wave vector (turns per unit) and phase (turns) of each wave of a field of scale 1. Directions spread evenly over a
+/// hemisphere, lengths over the radii of a Gaussian in three dimensions.
 pub(crate) fn waves() -> &'static [[f32; 4]; WAVES] {
     static WAVE_VECTORS: LazyLock<[[f32; 4]; WAVES]> = LazyLock::new(wave_vectors);
     &WAVE_VECTORS
@@ -95,15 +96,15 @@ fn wave_vectors() -> [[f32; 4]; WAVES] {
         let (z, turn) = (part, (i as f64 * golden).fract());
         let across = (1.0 - z * z).sqrt();
         let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
-        // Each direction another quantile: 7 and 16 have no common factor.
+        // Neighbouring directions get different quantiles: 7 and 16 have no common factor.
         let radius = radius_of(((7 * i % WAVES) as f64 + 0.5) / WAVES as f64) / std::f64::consts::TAU;
         [across * cos * radius, across * sin * radius, z * radius, random::at(0x7761_7665, i as u64)].map(|v| v as f32)
     })
 }
 
-/// Radius within which a part of a Gaussian of variance 1 in three dimensions lies.
+/// Radius that contains the fraction `part` of a three-dimensional Gaussian of variance 1.
 fn radius_of(part: f64) -> f64 {
-    // Density of the radius: √(2/π)·r²·e^(−r²/2).
+    // Probability density of the radius: √(2/π)·r²·e^(−r²/2).
     const STEP: f64 = 1.0e-4;
     let (mut radius, mut sum) = (0.0_f64, 0.0);
     while sum < part && radius < 6.0 {
@@ -131,7 +132,7 @@ mod tests {
         }
     }
 
-    /// Levels (np) at random places and at the same places moved by `by_mm`.
+    /// Levels (nepers) at random positions, each with the level at the position moved by `by_mm`.
     fn pairs(tissue: &Tissue, by_mm: DVec3) -> Vec<[f64; 2]> {
         let texture = PackedTexture::new(3, tissue).unwrap();
         let mut random = random::SplitMix64::new(5);
@@ -167,7 +168,7 @@ mod tests {
 
     #[test]
     fn nothing_repeats_within_a_sweep() {
-        // 60 s at 5 mm/s.
+        // A motion of 60 s at 5 mm/s.
         let texture = PackedTexture::new(3, &tissue(2.0, 0.0, 1.0)).unwrap();
         let mut random = random::SplitMix64::new(11);
         let places: Vec<DVec3> =
@@ -209,7 +210,7 @@ mod tests {
     fn septa_have_their_distance() {
         let texture = PackedTexture::new(3, &tissue(0.0, 6.0, 1.0)).unwrap();
         let level = |x: f64, y: f64| texture_level_np(&texture, DVec3::new(x, y, 0.37 * y));
-        // Crossings of the middle level along lines: two for each septum.
+        // Crossings of the middle level along lines: two per septum.
         let (low, high) = (f64::from(texture.amounts[3]), f64::from(texture.amounts[2] + texture.amounts[3]));
         let mut crossings = 0;
         for line in 0..100 {

@@ -1,29 +1,29 @@
-//! Ways of the pass `trace` on a device.
+//! Ways in which a device runs the pass `trace`.
 
 use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Environment variable that names a way.
+/// Environment variable that chooses the way.
 const VARIABLE: &str = "INSONIFY_TRACE";
 
-/// Way of `trace`.
+/// How a device runs the pass `trace`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum TraceBy {
-    /// A path by one thread.
+    /// One thread follows a path.
     #[default]
     Path,
-    /// A path by eight lanes of a subgroup.
+    /// Eight lanes of a subgroup follow a path together.
     Lanes,
 }
 
 insonify_core::names::named!(TraceBy { Path = "path", Lanes = "lanes" });
 
-/// An unknown way of `trace` in the environment.
+/// Error: an unknown value of `INSONIFY_TRACE`.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("INSONIFY_TRACE: `{found}` is no way of trace; they are {}", TraceBy::NAMES.join(", "))]
 pub struct UnknownTrace {
-    /// Word found.
+    /// The value that was found.
     found: String,
 }
 
@@ -36,10 +36,10 @@ impl FromStr for TraceBy {
 }
 
 impl TraceBy {
-    /// The way in the environment variable `INSONIFY_TRACE`; none if it is unset or empty.
+    /// Reads the environment variable `INSONIFY_TRACE`; `None` if it is unset or empty.
     ///
     /// # Errors
-    /// Another word than `lanes` or `path`.
+    /// A word other than `lanes` or `path`.
     pub fn from_environment() -> Result<Option<Self>, UnknownTrace> {
         match std::env::var_os(VARIABLE) {
             Some(word) if !word.is_empty() => word.to_string_lossy().parse().map(Some),

@@ -1,4 +1,4 @@
-//! Cache of the measured times of `trace`, by adapter, driver and version.
+//! Cache of the measured times of `trace`, by adapter, driver and version of insonify.
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::trace_times::TraceTimes;
 
-/// Times and the device that they were measured on.
+/// Measured times, and the device and version that they hold for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Entry {
     /// Version of insonify.
@@ -21,8 +21,8 @@ struct Entry {
     times: TraceTimes,
 }
 
-/// Times of `adapter` and `driver` from the `cache` directory. If it has none, `measure` is called and its times are
-/// stored. A file that can't be read, or that belongs to another device or version, is measured again.
+/// Reads the times of `adapter` and `driver` from the directory `cache`. A file that is missing, unreadable, or of
+/// another device or version is replaced by the result of `measure`. `None` if `measure` fails.
 pub(super) fn known_or_measured(
     cache: &Path,
     [adapter, driver]: [&str; 2],
@@ -42,13 +42,13 @@ pub(super) fn known_or_measured(
     Some(times)
 }
 
-/// File of a version, an adapter and a driver.
+/// Path of the file for a version, an adapter and a driver.
 fn path(cache: &Path, key: [&str; 3]) -> PathBuf {
     let sum = Sha256::digest(key.join("\0"));
     cache.join(format!("trace-{}.json", files::hex(&sum[..8])))
 }
 
-/// Replaces the file as a whole, so that no other process reads part of it.
+/// Writes a new file in place of the old one, so that other processes never read a part.
 fn write(cache: &Path, path: &Path, entry: &Entry) -> io::Result<()> {
     std::fs::create_dir_all(cache)?;
     let mut file = tempfile::NamedTempFile::new_in(cache)?;
@@ -103,7 +103,7 @@ mod tests {
         let file = folder.path().join("file");
         std::fs::write(&file, b"").unwrap();
         assert_eq!(known_or_measured(&file, DEVICE, || Some(TIMES)), Some(TIMES));
-        // A measurement that failed is not kept.
+        // A failed measurement is not stored.
         assert_eq!(known_or_measured(folder.path(), DEVICE, || None), None);
         assert_eq!(known_or_measured(folder.path(), DEVICE, || Some(TIMES)), Some(TIMES));
     }

@@ -1,4 +1,4 @@
-//! Choice between the ways of `trace` by their measured times.
+//! Choice of a way to run `trace`, from measured times.
 
 use std::fmt;
 
@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::trace_by::TraceBy;
 
-/// Most paths of a batch that count as few: they leave a GPU idle.
+/// Largest number of paths that counts as few: they leave most of a GPU idle.
 const FEW_PATHS: u32 = 4096;
 
-/// Greatest ratio of the time by lanes to the time by threads at which lanes are chosen.
+/// Largest ratio of the time by lanes to the time by threads at which lanes are chosen.
 const WORTHWHILE: f64 = 1.0 / 1.05;
 
-/// Way of `trace` by the number of paths.
+/// How to run `trace`, for batches of few and of many paths.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct TraceChoice {
     few: TraceBy,
@@ -26,7 +26,7 @@ impl From<TraceBy> for TraceChoice {
 }
 
 impl TraceChoice {
-    /// Way of a batch of `paths`.
+    /// The way for a batch of `paths` paths.
     pub(super) fn of(&self, paths: u32) -> TraceBy {
         if paths <= FEW_PATHS { self.few } else { self.many }
     }
@@ -39,7 +39,7 @@ impl fmt::Display for TraceChoice {
     }
 }
 
-/// Measured times of `trace`, ms: by threads, then by lanes.
+/// Measured times of `trace` with few and with many paths, ms: by threads, then by lanes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct TraceTimes {
     pub(super) few_ms: [f64; 2],
@@ -47,7 +47,7 @@ pub(super) struct TraceTimes {
 }
 
 impl TraceTimes {
-    /// Lanes if they are faster by at least 5 %, else threads.
+    /// Lanes where they are at least 5 % faster, else threads.
     pub(super) fn choice(&self) -> TraceChoice {
         let faster = |[path_ms, lanes_ms]: [f64; 2]| {
             if lanes_ms > 0.0 && lanes_ms <= WORTHWHILE * path_ms { TraceBy::Lanes } else { TraceBy::Path }
