@@ -180,7 +180,8 @@ pub fn exp(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// e^(i2π·turns) as [re, im], for fewer than 2²¹ turns, with an error of 2·10⁻⁷; like `shaders/shared/phasor.wgsl`.
+/// e^(i2π·turns) as [re, im], for fewer than 2²¹ turns, with an error of 2·10⁻⁷. The shaders' twin of it is
+/// `crates/render/shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
 pub fn phasor(turns: f32) -> [f32; 2] {

@@ -1,4 +1,4 @@
-//! Buffers of the aperture's passes. Each has a few bytes if the effect is off.
+//! Buffers of the aperture's passes. If the effect `aperture` is off, each has only a few bytes.
 
 use super::gpu::{Gpu, UNIFORM};
 use crate::aperture::{ApertureShape, CellRays, MODE_NONE};
@@ -8,7 +8,7 @@ use crate::error::BackendError;
 use crate::params::Params;
 use crate::tables::Tables;
 
-/// Tables and outputs of the passes from `transmission` to `visibility`. Cloning shares the memory.
+/// Tables and outputs of the passes from `transmission` to `visibility`. Clones share the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct ApertureBuffers {
     pub(super) shape: wgpu::Buffer,
@@ -22,7 +22,7 @@ pub(crate) struct ApertureBuffers {
     pub(super) unobstructed: wgpu::Buffer,
     pub(super) mask: wgpu::Buffer,
     pub(super) row_np: wgpu::Buffer,
-    /// Sums of `transmission`, carried between batches of one layer.
+    /// Sums over rays in `transmission`, kept between batches of one layer.
     pub(super) partial_sums: wgpu::Buffer,
     pub(super) fields: wgpu::Buffer,
     pub(super) amplitudes: wgpu::Buffer,
@@ -32,12 +32,12 @@ pub(crate) struct ApertureBuffers {
     pub(super) line_gains: wgpu::Buffer,
     pub(super) block_gains: wgpu::Buffer,
     pub(super) reflected: wgpu::Buffer,
-    /// All of the above that passes write, in a fixed order.
+    /// Those of the buffers above that passes write, in a fixed order.
     pub(super) written: Vec<wgpu::Buffer>,
 }
 
 impl ApertureBuffers {
-    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused.
+    /// Makes buffers for dispatches of `frames` frames. Buffers of `previous` that have the right size are reused.
     pub(super) fn new(
         gpu: &Gpu,
         tables: &Tables,

@@ -1,14 +1,14 @@
-//! Attenuation as the device sends it: its square root in 16 bits a pixel, in steps of 1/65,535.
+//! Attenuation in the form that leaves the device: its square root in 16 bits per pixel, in steps of 1/65,535.
 
 use crate::constants::ROOT_STEPS;
 
-/// Attenuation of a root; 0 and 1 are exact.
+/// Attenuation from its coded root; 0 and 1 are exact.
 pub(super) fn level(root: u16) -> f32 {
     let root = f32::from(root) * (1.0 / ROOT_STEPS as f32);
     root * root
 }
 
-/// Levels of roots. Copies `width` of each `stride` roots, on one thread as for the other maps.
+/// Decodes the first `width` roots of each row of `stride`. One thread does it, as for the other maps.
 pub(super) fn unpad_levels(into: &mut Vec<f32>, from: &[u16], width: usize, stride: usize) {
     into.clear();
     if width == stride {
@@ -32,10 +32,10 @@ mod tests {
         for tenth_db in 0..2400 {
             let exact = 10f64.powf(-f64::from(tenth_db) / 200.0);
             let kept = f64::from(level((ROOT_STEPS * exact.sqrt() + 0.5) as u16));
-            // Half a step of the root, and the rounding of its square.
+            // Half a step of the root, and the rounding of the square.
             let bound = step * exact.sqrt() + 0.25 * step * step + 1.0e-7 * exact;
             assert!((kept - exact).abs() <= bound, "{exact}: {kept}");
-            // Data sets keep a byte of the fourth root: off by less than a level, even where nothing is left.
+            // Data sets keep one byte of the fourth root. Even for tiny values, it changes by less than a step.
             assert!(255.0 * (kept.powf(0.25) - exact.powf(0.25)).abs() < 0.71, "{exact}: {kept}");
         }
     }

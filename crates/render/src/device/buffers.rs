@@ -1,4 +1,4 @@
-//! Buffers of the device: those of the scene, made once, and those of a configuration.
+//! Buffers on the device: those of the scene, made once, and those of a configuration.
 
 use insonify_core::anatomy::Bvh;
 
@@ -11,11 +11,11 @@ use crate::params::Params;
 use crate::tables::Tables;
 use crate::texture::PackedTexture;
 
-/// Stride of one batch's uniforms, bytes: a multiple of 256, the largest alignment of any device.
+/// Bytes reserved for the uniforms of one batch of one frame: a multiple of 256, the largest alignment of any device.
 pub(crate) const PARAMS_STRIDE: u64 = 512;
 const _: () = assert!(size_of::<Params>() <= PARAMS_STRIDE as usize);
 
-/// Buffers of the scene, which don't change with probe and settings.
+/// Buffers that hold the scene. They are independent of probe and settings.
 #[derive(Debug)]
 pub(crate) struct SceneBuffers {
     pub(super) nodes: wgpu::Buffer,
@@ -41,10 +41,10 @@ impl SceneBuffers {
     }
 }
 
-/// Buffers of a configuration. Cloning shares the memory.
+/// Buffers of one configuration. Clones share the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Buffers {
-    /// Frames that a dispatch makes.
+    /// Number of frames that one dispatch makes.
     pub(super) frames: u32,
     pub(super) params: wgpu::Buffer,
     pub(super) rays: wgpu::Buffer,
@@ -62,7 +62,7 @@ pub(crate) struct Buffers {
     pub(super) couplings: wgpu::Buffer,
     pub(super) near_field: wgpu::Buffer,
     pub(super) overflows: wgpu::Buffer,
-    /// Overflows of `section`, whose counter is its own so that it waits for no path.
+    /// Overflow counter of `section`. It is separate, so that `section` doesn't wait for passes of the paths.
     pub(super) map_overflows: wgpu::Buffer,
     pub(super) starts: wgpu::Buffer,
     pub(super) segments: wgpu::Buffer,
@@ -82,13 +82,13 @@ pub(crate) struct Buffers {
     pub(super) bmode: wgpu::Buffer,
     pub(super) segmentation: wgpu::Buffer,
     pub(super) attenuation: wgpu::Buffer,
-    /// All of the above that passes write, in a fixed order.
+    /// Those of the buffers above that passes write, in a fixed order.
     written: Vec<wgpu::Buffer>,
 }
 
 impl Buffers {
-    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused. They keep their contents
-    /// until [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
+    /// Makes buffers for dispatches of `frames` frames. Buffers of `previous` that have the right size are reused. They
+    /// keep their contents until [`Buffers::fill`], so `previous` stays intact if this fails.
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Tables,
@@ -109,7 +109,7 @@ impl Buffers {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
         };
-        // Buffers that passes write have a part for each frame.
+        // Buffers that passes write have one part per frame.
         let mut written = Vec::new();
         let mut part = |label: &'static str, size: u64, of: Of| {
             let buffer = work(label, size.max(16) * u64::from(frames), of)?;
@@ -117,7 +117,7 @@ impl Buffers {
             Ok::<_, BackendError>(buffer)
         };
         let filled = |label, bytes: &[[f32; 4]], of: Of| work(label, size_of_val(bytes) as u64, of);
-        // Small tables are uniforms: software devices read those several times faster.
+        // Small tables are uniforms, which software devices read several times faster than storage.
         let uniform = |label: &'static str, size: u64, of: Of| match taken(of, size) {
             Some(buffer) => Ok(buffer),
             None => gpu.buffer(label, size, UNIFORM),
@@ -128,7 +128,7 @@ impl Buffers {
             rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
-            // The shader's array has one texture at least.
+            // The shader's array needs at least one texture.
             textures: work(
                 "textures",
                 size_of_val(&tables.textures[..]).max(size_of::<PackedTexture>()) as u64,
@@ -139,7 +139,7 @@ impl Buffers {
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
-            // One table for each steering angle: the straight one's is `tables.pixels`.
+            // One table per steering angle; that of the straight angle is `tables.pixels`.
             pixels: work("pixels", sector_pixels * tables.angles.len() as u64, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: part("start membership", paths * 32, |b| &b.starts_inside)?,
@@ -172,7 +172,7 @@ impl Buffers {
     }
 
     /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
-    /// none may read data of another configuration.
+    /// none may read results of another configuration.
     pub(crate) fn fill(&self, gpu: &Gpu, tables: &Tables, refraction: bool, previous: Option<&Self>) {
         let in_sector = |pixels: &[u32]| -> Vec<u32> {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
@@ -180,7 +180,7 @@ impl Buffers {
         let steered = tables.angles.iter().map(|angle| &angle.pixels[..]).filter(|pixels| !pixels.is_empty());
         let sector_pixels: Vec<u32> = std::iter::once(&tables.pixels[..]).chain(steered).flat_map(in_sector).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
-        // Pads a table that is shorter than its uniform with zeros.
+        // Pads a table with zeros to the size of its uniform buffer.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {
             let mut whole = bytes.to_vec();
             whole.resize(buffer.size() as usize, 0);
@@ -202,7 +202,7 @@ impl Buffers {
         write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
         write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
         self.aperture.fill(gpu, tables, refraction);
-        // New memory is zero.
+        // New buffers are zero already.
         let Some(previous) = previous else { return };
         let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
         let mut encoder = gpu.device.create_command_encoder(&label);
@@ -212,12 +212,12 @@ impl Buffers {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Buffers that passes write; each has a part for each frame.
+    /// All buffers that passes write, with one part per frame each.
     fn written(&self) -> impl Iterator<Item = &wgpu::Buffer> {
         self.written.iter().chain(&self.aperture.written)
     }
 
-    /// Whether passes write a buffer.
+    /// Whether passes write this buffer.
     pub(super) fn is_written(&self, buffer: &wgpu::Buffer) -> bool {
         self.written().any(|written| written == buffer)
     }

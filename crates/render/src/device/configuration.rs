@@ -22,11 +22,11 @@ pub(super) struct DeviceConfiguration {
 }
 
 impl DeviceConfiguration {
-    /// A configuration whose dispatches make `frames` frames. It shares equal parts with `previous`, which is unchanged
-    /// until [`Buffers::fill`].
+    /// Buffers and passes whose dispatches make `frames` frames. Equal parts are shared with `previous`, which is
+    /// unchanged until [`Buffers::fill`].
     ///
     /// # Errors
-    /// Sizes beyond the device's limits or memory, or a pass that it refuses.
+    /// Sizes beyond the device's limits or memory, or a pass that the device refuses.
     pub(super) fn new(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -45,7 +45,8 @@ impl DeviceConfiguration {
     }
 }
 
-/// Batches of a configuration and its buffers: few large batches, or more of the least size if memory is short.
+/// Plans the batches of a configuration and makes its buffers. If memory is short for few large batches, it makes
+/// batches of the least size.
 fn planned(
     gpu: &Gpu,
     segment_bytes_max: u64,
@@ -65,7 +66,7 @@ fn planned(
     }
 }
 
-/// Slots of a shape, reused from `previous` if they fit.
+/// Makes read-back slots of a shape; those of `previous` are reused if they have it.
 fn slots(
     gpu: &Gpu,
     shape: &Shape,
@@ -98,7 +99,8 @@ mod tests {
     const IMAGE: Contents = Contents { image: true, maps: false };
     const MAPS: Contents = Contents { image: false, maps: true };
 
-    /// Passes of frames of two layers, each with its batch. A batch holds one layer or both.
+    /// Names of the passes of a frame of two layers, each with its batch, for each of `contents`. A batch holds one
+    /// layer or both.
     fn passes<const N: usize>(aperture: Choice, layers_per_batch: u64, contents: [Contents; N]) -> [String; N] {
         let gpu = Gpu::open(true).unwrap();
         let mesh = analytic::sphere(Vec3::ZERO, 40.0, 3);
@@ -116,7 +118,7 @@ mod tests {
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &configuration, angle: 0 };
         let scene = SceneBuffers::new(&gpu, &media.surface_words, &bvh).unwrap();
         let mut shaders = ShaderSet::default();
-        // Each of 32 scanlines has a guide, too.
+        // In addition to its rays, each of the 32 scanlines has an axial path.
         shaders.segment_bytes_max = Some(32 * (1 + 4 * layers_per_batch) * PATH_BYTES);
         let device = DeviceConfiguration::new(&gpu, &scene, &mut Pipelines::new(&shaders), inputs, None, 1).unwrap();
         contents.map(|contents| {

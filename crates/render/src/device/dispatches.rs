@@ -1,7 +1,7 @@
-//! A frame on the device: its passes in their order, each with its buffers.
+//! Passes of a frame on the device, in order, each with its buffers.
 //!
-//! [`build_frame`] reads from top to bottom. A pass binds the frame's parameters, then its buffers in the order of the
-//! shader's bindings. The shader declares which of them it writes.
+//! Read [`build_frame`] from top to bottom. A pass binds the frame's parameters, then its buffers in the order of the
+//! shader's bindings. The shader declares which buffers it writes.
 
 use std::mem;
 use std::sync::Arc;
@@ -19,28 +19,28 @@ use crate::constants::BEAM_CELLS_OF_A_GROUP;
 use crate::error::BackendError;
 use crate::frame::Contents;
 
-/// A pass, dispatched with the uniforms of a batch.
+/// A pass, to be dispatched with the uniforms of one batch.
 #[derive(Debug)]
 pub(super) struct Dispatch {
     pub(super) pass: Arc<Pass>,
     pub(super) batch: u32,
 }
 
-/// Dispatches of a configuration's frames.
+/// Dispatches for each kind of frame: with image and maps, with one of them, or with neither.
 #[derive(Debug)]
 pub(super) struct Frames {
     whole: Vec<Dispatch>,
     image: Vec<Dispatch>,
     maps: Vec<Dispatch>,
-    /// Dispatches of a frame without image and maps.
+    /// Dispatches of a frame with neither image nor maps.
     empty: Vec<Dispatch>,
 }
 
 impl Frames {
-    /// Makes every pass of a configuration.
+    /// Makes all passes of a configuration.
     ///
     /// # Errors
-    /// A pass beyond the device's limits, or that the device refuses.
+    /// A pass that exceeds the device's limits, or that the device refuses.
     pub(super) fn new(
         gpu: &Gpu,
         pipelines: &mut Pipelines,
@@ -63,7 +63,7 @@ impl Frames {
         })
     }
 
-    /// Dispatches of a frame of these contents, in order.
+    /// Dispatches of a frame with these contents, in order.
     pub(super) fn of(&self, contents: Contents) -> &[Dispatch] {
         match (contents.image, contents.maps) {
             (true, true) => &self.whole,
@@ -74,20 +74,20 @@ impl Frames {
     }
 }
 
-/// Dispatches of one frame, while they are listed. Frames of a configuration share passes.
+/// Collects the dispatches of a frame. Frames of a configuration share passes.
 struct FrameBuilder<'a> {
     gpu: &'a Gpu,
     pipelines: &'a mut Pipelines,
     scene: &'a SceneBuffers,
     buffers: &'a Buffers,
     batches: BatchPlan,
-    /// Passes of all frames so far.
+    /// Passes made so far, for any frame.
     passes: Vec<Arc<Pass>>,
     dispatches: Vec<Dispatch>,
 }
 
 impl FrameBuilder<'_> {
-    /// Appends a dispatch with the uniforms of a batch.
+    /// Appends a dispatch with the uniforms of batch `batch`.
     fn run(
         &mut self,
         shader: Shader,
@@ -101,7 +101,7 @@ impl FrameBuilder<'_> {
         Ok(())
     }
 
-    /// Inserts a dispatch at a position of the frame, or at its end if the frame is shorter.
+    /// Inserts a dispatch at index `position`, or at the end if there are fewer dispatches.
     fn insert(
         &mut self,
         position: usize,
@@ -115,7 +115,7 @@ impl FrameBuilder<'_> {
         Ok(())
     }
 
-    /// A pass, made at its first dispatch.
+    /// The pass with these workgroups and overrides; it is made at the first call.
     fn pass(
         &mut self,
         shader: Shader,
@@ -133,13 +133,13 @@ impl FrameBuilder<'_> {
     }
 }
 
-/// Workgroups in rows that every device dispatches.
+/// Splits a number of workgroups into rows short enough for every device.
 fn in_rows(groups: u32) -> [u32; 3] {
     const ROW: u32 = 1 << 15;
     [groups.min(ROW), groups.div_ceil(ROW), 1]
 }
 
-/// Lists the dispatches of a frame of these contents. Buffers are `b` and, for the aperture, `a`.
+/// Lists the dispatches of a frame with these contents. `b` are its buffers, `a` those of the aperture.
 #[rustfmt::skip]
 fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
     let FrameBuilder { gpu, scene, buffers: b, batches: plan, .. } = *frame;
@@ -150,7 +150,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     let flag = |on: bool| f64::from(u8::from(on));
     let aperture = ("APERTURE", flag(on.has(Effect::Aperture)));
 
-    // Paths of a batch: the surfaces around their starts and their coupling, then the segments along them.
+    // Paths of a batch: surfaces around their starts and coupling of the face, then the segments.
     let paths = largest.paths();
     let apart = gpu.lanes_apart(paths * b.frames);
     let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths * b.frames), paths, b.frames);
@@ -161,10 +161,10 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.run(trace.shader, batch, trace.groups, &trace.constants, &TraceDispatch::buffers(scene, b))
     };
     if contents.image {
-        // Aperture gain and beam profile of each scanline. They need the paths of all batches.
+        // Aperture gain and beam profile of each scanline, which depend on the paths of all batches.
         if let Some(t) = &tables.aperture {
             let (planes, cells, beams) = (t.planes as u32, t.sampling.cells as u32, t.sampling.beams as u32);
-            // Transmission and delay of each cell of each plane, and the loss of each plane.
+            // Transmission and delay of each cell of each depth plane, and the loss that a plane's cells share.
             let transmission =
                 [&b.starts, &b.segments, &a.shape, &a.cell_rays, &a.mask, &a.row_np, &b.rays, &a.partial_sums];
             for batch in 0..plan.batches {
@@ -172,7 +172,8 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
                 frame.run(Transmission, batch, [planes, cells.div_ceil(64), 1], &[("ROWS", 0.0)], &transmission)?;
             }
             frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
-            // Fields of the modes in each plane, the amplitudes of beams made of them, and the profiles of the beams.
+            // Fields of the modes (waves along the face) in each depth plane, amplitudes of the beams that they sum to,
+            // and the beams' profiles.
             frame.run(Propagate, last, [t.modes.len() as u32, 1, 1], &[],
                 &[&a.shape, &a.modes, &a.face, &a.steps, &a.mask, &a.fields])?;
             frame.run(Beams, last, [cells * beams / BEAM_CELLS_OF_A_GROUP, planes, 1], &[],
@@ -185,9 +186,9 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
                 &[&b.starts, &b.segments, &a.shape, &a.line_cells, &a.beam_powers, &a.row_np, &a.line_gains,
                     &a.block_gains])?;
         }
-        // Baseband of each scanline: scatterers and interface echoes, added batch by batch.
+        // Baseband of each scanline: scatterers and interface echoes, added up over the batches.
         for batch in 0..plan.batches {
-            // After the aperture's passes, only the last batch's paths are in memory.
+            // After the aperture's passes, only the paths of the last batch are in memory.
             if tables.aperture.is_none() || plan.batches > 1 {
                 trace_batch(frame, batch)?;
             }
@@ -206,11 +207,12 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             }
         }
     }
-    // Maps: the media along each map ray, their raster, and the percentile of attenuation. They need no paths. Each is
-    // inserted after a pass that leaves most of a GPU idle.
+    // Maps: the media along each map ray, their raster, and the percentile of the attenuation. They don't depend on
+    // paths. Each is inserted after a pass that leaves most of a GPU idle.
     if contents.maps {
         let apart = gpu.lanes_apart(params.map_rays);
-        // Neighbouring threads of a GPU write neighbouring words. Software searches long for each.
+        // On a GPU, neighbouring threads write neighbouring words. In software, a thread writes many words, since each
+        // thread first has to search.
         let depths = if in_software { 64 } else { 1 };
         let section = [&scene.nodes, &scene.triangles, &scene.surface_tissue, &b.map_rays, &b.tissues, &b.entries,
             &b.entry_counts, &b.map_overflows, &b.raster];
@@ -220,7 +222,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
         frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
     }
-    // Image: the lateral point spread, additions of the receiver, then the pulse, the envelope and log compression.
+    // Image: lateral point-spread function, additions of the receiver, then pulse, envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", flag(steered))],

@@ -1,4 +1,4 @@
-//! The graphics device.
+//! A graphics device: opening, submission, waiting and buffers.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
@@ -13,28 +13,28 @@ use crate::trace_times::TraceChoice;
 /// Usage of storage buffers.
 const STORAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
-/// Usage of small tables.
+/// Usage of small tables, which are uniforms.
 pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
 
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
-/// Threads among which the searches of a frame are spread. On an H200, frames of 32 × 3 rays × layers are slower with more
-/// threads, and frames of 1 × 1 with fewer.
+/// Number of threads over which a frame's searches of the scene are spread; those between are idle. On an H200, frames
+/// of 32 × 3 rays × layers are slower with more threads, and frames of 1 × 1 with fewer.
 const SPREAD_THREADS: u32 = 1 << 17;
-/// Most threads started for one search: the widest group of lanes.
+/// Most threads started for one search: the size of the widest subgroup.
 const LANES_APART_MAX: u32 = 32;
 
-/// Paths that fill a GPU: more frames at once gain nothing from there on.
+/// Number of paths that keeps a GPU busy: above it, several frames at once gain nothing.
 const FILLING_PATHS: u32 = 1 << 13;
-/// Most frames at once.
+/// Most frames in one dispatch.
 pub(super) const FRAMES_AT_ONCE_MAX: u32 = 8;
-/// Most memory that the passes of several frames write, bytes.
+/// Most memory for the buffers that passes of several frames write, bytes.
 const FRAMES_BYTES_MAX: u64 = 1 << 30;
 
-/// Longest wait for a frame of a GPU; software may take any time.
+/// Default time limit for a frame of a GPU. Software has none.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// A frame whose passes have never run may take this many times as long: the driver may compile them.
+/// Factor on the time limit if a pass has never run: the driver may compile it.
 const COLD: u32 = 10;
 
 /// A device and its queue.
@@ -44,22 +44,22 @@ pub(crate) struct Gpu {
     pub(super) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     pub(super) timestamps: bool,
-    /// Longest wait for a frame.
+    /// Time limit for a frame; `None` is unlimited.
     patience: Option<Duration>,
-    /// Way of `trace` that was given or measured, shared by clones.
+    /// How to run `trace`, once it was set or measured. Clones share it.
     pub(super) trace: Arc<OnceLock<TraceChoice>>,
-    /// Number of frames in a dispatch, if it was given.
+    /// Requested number of frames per dispatch; `None` lets the device choose.
     at_once: Option<u32>,
     submitter: Submitter,
-    /// The first error that the device reported outside of any call.
+    /// First error that the device reported outside of a call, or for which it was given up.
     fault: Arc<Mutex<Option<String>>>,
-    /// Hang of a test; none after the device was opened again.
+    /// Hang injected by a test; `None` after the device was opened again.
     #[cfg(feature = "test-hooks")]
     pub(super) hang: Option<super::InjectedHang>,
 }
 
 impl Gpu {
-    /// Whether this machine may have a GPU. Only lists `/dev` and `/dev/dri`; starts no driver.
+    /// Whether this machine may have a GPU. Only lists `/dev` and `/dev/dri`; loads no driver.
     pub(crate) fn may_exist() -> bool {
         if !cfg!(target_os = "linux") {
             return true;
@@ -72,11 +72,11 @@ impl Gpu {
         names("/dev").iter().chain(&names("/dev/dri")).any(is_node)
     }
 
-    /// Opens the best device: discrete, else integrated, else software if `software` is set. `WGPU_BACKEND` restricts
-    /// the interfaces.
+    /// Opens the best device: discrete, else integrated, else software if `software` is true. `WGPU_BACKEND` restricts
+    /// the graphics interfaces.
     ///
     /// # Errors
-    /// No driver (with the remedy), or a driver that refuses a device.
+    /// No driver (the message names the remedy), or a driver that refuses a device.
     pub(crate) fn open(software: bool) -> Result<Self, BackendError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY);
@@ -111,7 +111,7 @@ impl Gpu {
         }));
         let reported = fault.clone();
         device.set_device_lost_callback(move |reason, message| {
-            // A device that is dropped is lost, too; nobody asks it then.
+            // A dropped device is reported as lost, too, but nobody reads that.
             let message = if message.is_empty() { format!("{reason:?}") } else { message };
             reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
         });
@@ -134,12 +134,12 @@ impl Gpu {
         })
     }
 
-    /// The same device; it counts as hanging if a frame takes longer than `wait`.
+    /// Sets the time limit for a frame, after which the device counts as lost.
     pub(crate) fn answering_within(self, wait: Duration) -> Self {
         Self { patience: Some(wait), ..self }
     }
 
-    /// The same device; it hangs for about `duration` when the test asks for it.
+    /// Adds a hang of about `duration` that a test can inject.
     ///
     /// # Errors
     /// A device that fails.
@@ -149,13 +149,14 @@ impl Gpu {
         Ok((Self { hang: Some(hang.clone()), ..self }, hang))
     }
 
-    /// The same device, with up to `frames` frames in a dispatch even if fewer fill it.
+    /// Sets the number of frames per dispatch, up to [`FRAMES_AT_ONCE_MAX`].
     pub(crate) fn with_frames_at_once(self, frames: u32) -> Self {
         Self { at_once: Some(frames), ..self }
     }
 
-    /// Number of frames in a dispatch that fill the device: a power of two up to [`FRAMES_AT_ONCE_MAX`]. Each frame has
-    /// `paths`, and its passes write `bytes`. One frame fills software.
+    /// Number of frames per dispatch: a power of two up to [`FRAMES_AT_ONCE_MAX`]. Unless requested, it is the number
+    /// that keeps a GPU busy and fits into [`FRAMES_BYTES_MAX`]; 1 in software. Each frame has `paths` paths, and its
+    /// passes write `bytes` bytes.
     pub(super) fn frames_at_once(&self, paths: u32, bytes: u64) -> u32 {
         let filling = if self.is_software() { 1 } else { FILLING_PATHS / paths.max(1) };
         let in_memory = (FRAMES_BYTES_MAX / bytes.max(1)).min(u64::from(FRAMES_AT_ONCE_MAX)) as u32;
@@ -163,7 +164,7 @@ impl Gpu {
         1 << frames.clamp(1, FRAMES_AT_ONCE_MAX).ilog2()
     }
 
-    /// Opens a device of the same kind again.
+    /// Opens a device of the same kind, with the same time limit and choices.
     ///
     /// # Errors
     /// As [`Gpu::open`].
@@ -174,10 +175,10 @@ impl Gpu {
         Ok(Self { patience: self.patience, trace, at_once: self.at_once, ..opened })
     }
 
-    /// Submits commands, then calls `after`. Commands are `cold` if one of their passes has never run.
+    /// Submits commands, then calls `after`. `cold` says that one of their passes has never run.
     ///
     /// # Errors
-    /// A device that does not take them in time. It then counts as lost.
+    /// A device that does not take the commands in time; it then counts as lost.
     pub(super) fn submit(
         &self,
         commands: wgpu::CommandBuffer,
@@ -203,10 +204,10 @@ impl Gpu {
         })
     }
 
-    /// Waits until a submission is done. It is `cold` if one of its passes has never run.
+    /// Waits until a submission is done. `cold` says that one of its passes has never run.
     ///
     /// # Errors
-    /// A device that is lost, or that does not answer in time. It then counts as lost.
+    /// A device that is lost, or that does not finish in time; it then counts as lost.
     pub(super) fn wait(&self, submission: wgpu::SubmissionIndex, cold: bool) -> Result<(), BackendError> {
         let timeout = self.limit(cold);
         let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout };
@@ -217,14 +218,14 @@ impl Gpu {
         }
     }
 
-    /// Longest time of a submission and of a wait.
+    /// Time limit for a submission or a wait; `None` is unlimited.
     fn limit(&self, cold: bool) -> Option<Duration> {
         self.patience.map(|patience| if cold { COLD * patience } else { patience })
     }
 
-    /// Gives up a device that did not answer within `limit`. Returns the reason.
+    /// Marks the device as lost after `limit` has passed, and returns the error to report.
     fn give_up(&self, limit: Duration) -> BackendError {
-        // Dropping the last handle would wait for the hanging work without end.
+        // Dropping the last handle would wait forever for the hanging work.
         std::mem::forget((self.device.clone(), self.queue.clone()));
         let error = BackendError::Hung { adapter: self.adapter_name(), wait_s: limit.as_secs_f64() };
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
@@ -234,7 +235,7 @@ impl Gpu {
     /// Checks that the device has reported no error since it was opened. After an error, its results can't be trusted.
     ///
     /// # Errors
-    /// The first error reported.
+    /// The first reported error.
     pub(super) fn check(&self) -> Result<(), BackendError> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
             Some(reason) => Err(BackendError::Lost { reason: reason.clone() }),
@@ -242,10 +243,10 @@ impl Gpu {
         }
     }
 
-    /// Checks the needs of the settings against a limit of the device.
+    /// Checks what the settings need against a limit of the device.
     ///
     /// # Errors
-    /// The device offers less.
+    /// The device offers less than `needed`.
     pub(super) fn check_limit(
         &self,
         what: &'static str,
@@ -259,7 +260,7 @@ impl Gpu {
         Err(BackendError::Limit { what, needed, limit_name, offered, adapter: self.adapter_name() })
     }
 
-    /// Result of `make`; an error for `pass` if the device reports a validation error meanwhile.
+    /// Returns the result of `make`, or an error of `pass` if the device reports a validation error meanwhile.
     pub(super) fn validated<T>(&self, pass: &'static str, make: impl FnOnce() -> T) -> Result<T, BackendError> {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make();
@@ -269,7 +270,7 @@ impl Gpu {
         }
     }
 
-    /// A storage buffer of at least `bytes` zeros.
+    /// Makes a storage buffer of at least `bytes` bytes, filled with zeros.
     pub(super) fn storage(&self, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
         let limits = self.device.limits();
         let offered = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -277,7 +278,7 @@ impl Gpu {
         self.buffer(what, bytes.max(16), STORAGE)
     }
 
-    /// A buffer of `bytes` zeros.
+    /// Makes a buffer of `bytes` bytes, filled with zeros.
     pub(super) fn buffer(
         &self,
         what: &'static str,
@@ -312,8 +313,9 @@ impl Gpu {
         format!("{} {} ({:?})", self.info.driver, self.info.driver_info, self.info.backend)
     }
 
-    /// Number of threads to start for each of `threads` searches of the scene: a power of two, 1 in software. All but one
-    /// are idle. Lanes of a group wait for each other's searches, so idle lanes between searches save time on a GPU.
+    /// Number of threads to start for each of `threads` searches of the scene: a power of two, 1 in software. Only one
+    /// of them searches. Threads of a subgroup wait for each other's searches, so idle ones between searches save time
+    /// on a GPU.
     pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
         if self.is_software() {
             return 1;
@@ -321,17 +323,18 @@ impl Gpu {
         1 << (SPREAD_THREADS / threads.max(1)).clamp(1, LANES_APART_MAX).ilog2()
     }
 
-    /// As [`Gpu::lanes_apart`], for `paths` of [`PATH_LANES`] lanes each.
+    /// As [`Gpu::lanes_apart`], in paths of [`PATH_LANES`] lanes: for each of `paths` paths, the number of paths to
+    /// start lanes for.
     pub(super) fn paths_apart(&self, paths: u32) -> u32 {
         self.lanes_apart(paths.saturating_mul(PATH_LANES)).min(LANES_APART_MAX / PATH_LANES)
     }
 
-    /// Least and greatest number of lanes in a subgroup.
+    /// Least and greatest size of a subgroup, lanes.
     pub(super) fn subgroup_sizes(&self) -> [u32; 2] {
         [self.info.subgroup_min_size, self.info.subgroup_max_size]
     }
 
-    /// Kind and address, to tell whether other work shares it.
+    /// Kind and PCI address of the device, to tell whether other work shares it.
     pub(crate) fn compute_device(&self) -> ComputeDevice {
         if self.is_software() {
             return ComputeDevice::Processors;
@@ -340,7 +343,7 @@ impl Gpu {
         ComputeDevice::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
     }
 
-    /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of this kind.
+    /// Largest segment buffer, bytes: a share of the memory that the smallest devices of this kind have.
     pub(super) fn segment_bytes_max(&self) -> u64 {
         let share = match self.info.device_type {
             wgpu::DeviceType::DiscreteGpu => 1 << 30,

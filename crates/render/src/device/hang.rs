@@ -1,4 +1,4 @@
-//! Work that keeps a device busy, injected by tests of devices that do not answer.
+//! Work that keeps a device busy, injected to test how an unresponsive device is handled.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::BackendError;
 
-/// The loop stays below the 65,536 turns that software Vulkan allows.
+/// The loop's count stays below the 65,536 turns that software Vulkan allows.
 const SHADER: &str = "
 @group(0) @binding(0) var<storage, read_write> kept: array<u32>;
 @compute @workgroup_size(1)
@@ -20,16 +20,16 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
     if (x == 0u) { kept[0] = 1u; }
 }";
 
-/// Most workgroups of a dispatch in a dimension.
+/// Most workgroups of a dispatch in one dimension.
 const GROUPS_MAX: u64 = 65_535;
-/// Least time of a trial dispatch. The size of the whole follows from its time.
+/// Least duration of the trial dispatch from which the size of the hang is scaled.
 const TRIAL: Duration = Duration::from_millis(50);
 /// Time limit of a trial dispatch.
 const TRIAL_MAX: Duration = Duration::from_secs(60);
-/// Trials of a size.
+/// Trial dispatches of each size.
 const TRIALS: u32 = 4;
 
-/// A dispatch of about a given duration. On request, it runs before the next frame. Clones share it.
+/// A dispatch of about a given duration, which runs before the next frame once it is requested. Clones share it.
 #[derive(Debug, Clone)]
 pub struct InjectedHang(Arc<Shared>);
 
@@ -39,16 +39,16 @@ struct Shared {
     queue: wgpu::Queue,
     pipeline: wgpu::ComputePipeline,
     bindings: wgpu::BindGroup,
-    /// Workgroups of the whole dispatch.
+    /// Workgroups of the dispatch.
     groups: u64,
     is_due: AtomicBool,
     begun: OnceLock<Instant>,
-    /// Duration, once it is over.
+    /// Measured duration of the dispatch, once it is over.
     lasted: OnceLock<Duration>,
 }
 
 impl InjectedHang {
-    /// A dispatch of about `duration`, scaled from the times of smaller ones.
+    /// Prepares a dispatch of about `duration`, scaled from the times of smaller ones.
     ///
     /// # Errors
     /// The device refuses the shader or the buffer, or fails.
@@ -88,11 +88,11 @@ impl InjectedHang {
             begun: OnceLock::new(),
             lasted: OnceLock::new(),
         };
-        // The first dispatch compiles.
+        // The first dispatch also compiles.
         shared.time(1)?;
         let mut groups = 64;
         let took = loop {
-            // The least of several: others may use the processors, too.
+            // The least of several times: other programs may use the processors, too.
             let mut took = shared.time(groups)?;
             for _ in 1..TRIALS {
                 took = took.min(shared.time(groups)?);
@@ -107,7 +107,7 @@ impl InjectedHang {
         Ok(Self(Arc::new(shared)))
     }
 
-    /// Requests the dispatch before the next frame.
+    /// Requests that the dispatch runs before the next frame.
     pub fn inject(&self) {
         self.0.is_due.store(true, Ordering::Release);
     }
@@ -122,7 +122,7 @@ impl InjectedHang {
         self.has_begun() && self.lasted().is_none()
     }
 
-    /// Duration of the dispatch, once it is over.
+    /// Duration of the dispatch; `None` until it is over.
     pub fn lasted(&self) -> Option<Duration> {
         self.0.lasted.get().copied()
     }
@@ -134,7 +134,7 @@ impl InjectedHang {
         }
         let begun = *self.0.begun.get_or_init(Instant::now);
         let submission = self.0.submit(self.0.groups);
-        // A thread of its own: wgpu may hold its locks as long as a driver is in a submission.
+        // Waits on another thread: wgpu may hold its locks while a driver is in a submission.
         let shared = self.0.clone();
         std::thread::spawn(move || {
             let _ = shared.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
@@ -144,7 +144,7 @@ impl InjectedHang {
 }
 
 impl Shared {
-    /// Submits a dispatch of at least that many workgroups.
+    /// Submits a dispatch of at least `groups` workgroups.
     fn submit(&self, groups: u64) -> wgpu::SubmissionIndex {
         let (x, y) = (groups.min(GROUPS_MAX), groups.div_ceil(GROUPS_MAX));
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -157,7 +157,7 @@ impl Shared {
         self.queue.submit([encoder.finish()])
     }
 
-    /// Time of a dispatch.
+    /// Duration of a dispatch of `groups` workgroups.
     fn time(&self, groups: u64) -> Result<Duration, BackendError> {
         let started = Instant::now();
         let wait = wgpu::PollType::Wait { submission_index: Some(self.submit(groups)), timeout: Some(TRIAL_MAX) };

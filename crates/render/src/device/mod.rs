@@ -1,7 +1,7 @@
-//! Every pass on a graphics device, by wgpu. No other module names a type of wgpu.
+//! All passes on a graphics device, by wgpu. No other module uses types of wgpu.
 //!
-//! Read `dispatches.rs` first: it lists the passes of a frame in order, each with its buffers. `shaders.rs` names the passes,
-//! `passes.rs` compiles them, and `renderer.rs` submits frames.
+//! Read `dispatches.rs` first: it lists the passes of a frame in order, each with its buffers. `shaders.rs` names the
+//! passes, `passes.rs` compiles them, and `renderer.rs` submits frames.
 
 mod aperture_buffers;
 mod attenuation;

@@ -1,4 +1,4 @@
-//! Motion of the scene on the device: only amounts are uploaded.
+//! Motion of the scene on the device. Per frame, only the fields' amounts are uploaded.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -12,10 +12,10 @@ use super::shaders::Shader;
 use crate::constants::{FIELDS_MAX, MOTION_GROUP};
 use crate::error::BackendError;
 
-/// Stride of the steps' uniforms, bytes: the largest alignment of any device.
+/// Distance between the uniforms of two [`Step`]s in their buffer, bytes: the largest alignment of any device.
 const STEP_STRIDE: u64 = 256;
 
-/// A displacement field as the shaders read it.
+/// A displacement field: `Field` of `shaders/shared/motion.wgsl`.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 struct Field {
@@ -29,7 +29,7 @@ struct Field {
     unused: [f32; 2],
 }
 
-/// Fields and their amounts.
+/// Displacement fields, and the bit set of those whose amounts have changed.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 struct Uniforms {
@@ -38,7 +38,7 @@ struct Uniforms {
     unused: [u32; 3],
 }
 
-/// Range of the tables that a dispatch works on.
+/// Part of the motion tables that one dispatch works on: index of the first element, and count.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Step {
@@ -47,30 +47,30 @@ struct Step {
     unused: [u32; 2],
 }
 
-/// Buffers of the moving parts, and the passes that move them.
+/// Buffers of the moving parts of the scene, and the passes that move them.
 #[derive(Debug)]
 pub(super) struct Motion {
     uniforms: Uniforms,
     uniform_buffer: wgpu::Buffer,
-    /// Amounts of the next frame; none before the first motion.
+    /// Amounts of each displacement field for the next frame; `None` before the first motion.
     wanted: Option<Vec<[f32; 2]>>,
-    /// Amounts on the device; none before the first motion.
+    /// Amounts that are on the device; `None` before the first motion.
     present: Option<Vec<[f32; 2]>>,
     pub(super) moved: wgpu::Buffer,
     displace: Pass,
     assemble: Pass,
-    /// One pass for each level of the tree.
+    /// Passes that refit the tree's nodes, one per level.
     refit: Vec<Pass>,
 }
 
 impl Motion {
-    /// Passes that move the scene.
+    /// Number of passes that move the scene.
     pub(super) const PASSES: usize = 3;
 
-    /// Buffers and passes of a scene at rest.
+    /// Makes the buffers and passes; the scene is at rest.
     ///
     /// # Errors
-    /// Sizes beyond the device's limits or memory, or a pass that it refuses.
+    /// Sizes beyond the device's limits or memory, or a pass that the device refuses.
     pub(super) fn new(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -119,18 +119,18 @@ impl Motion {
         })
     }
 
-    /// Sets the amounts of each field for the frames that are submitted from now on.
+    /// Sets the amounts of each displacement field for frames submitted from now on.
     pub(super) fn set_amounts(&mut self, amounts: Vec<[f32; 2]>) {
         self.wanted = Some(amounts);
     }
 
-    /// Amounts of each field in the last frame.
+    /// Amounts of each displacement field in the last frame.
     pub(super) fn amounts(&self) -> Vec<[f32; 2]> {
         self.uniforms.fields.iter().map(|field| field.amounts).collect()
     }
 
-    /// Moves the scene for the next frame: uploads its amounts, and hands each pass's name and dispatches to `run`.
-    /// Does nothing if no amount has changed.
+    /// Moves the scene for the next frame. Uploads the amounts, and hands each pass to `run`: its name, and a function
+    /// that records its dispatches. Does nothing if no amount has changed.
     pub(super) fn run(&mut self, gpu: &Gpu, mut run: impl FnMut(&'static str, &dyn Fn(&mut wgpu::ComputePass<'_>))) {
         if !self.upload(gpu) {
             return;
@@ -143,7 +143,7 @@ impl Motion {
         });
     }
 
-    /// Uploads the amounts of the next frame. Returns whether any has changed.
+    /// Uploads the amounts for the next frame. Returns whether any has changed.
     fn upload(&mut self, gpu: &Gpu) -> bool {
         let Some(wanted) = &self.wanted else { return false };
         let changed = |i: usize| self.present.as_ref().is_none_or(|present| present[i] != wanted[i]);
@@ -163,7 +163,7 @@ impl Motion {
     }
 }
 
-/// Fields as the shaders read them, at rest.
+/// Uniforms of the displacement fields, with amounts 0.
 fn uniforms(tables: &MotionTables) -> Uniforms {
     let mut uniforms = Uniforms::default();
     for (field, shape) in uniforms.fields.iter_mut().zip(&tables.shapes) {

@@ -1,4 +1,4 @@
-//! Compiled passes, cached by their specialisation, and their bindings.
+//! Compiled passes, cached by shader and overrides, and their bindings.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -10,21 +10,21 @@ use super::shaders::{Shader, ShaderSet, declaration};
 use crate::error::BackendError;
 use crate::params::Params;
 
-/// Overrides that specialise a shader, and their values.
+/// Names and values of the overrides that specialise a shader.
 pub(crate) type Constants<'a> = &'a [(&'static str, f64)];
 
-/// A shader, and what specialises it.
+/// A shader with its specialisation.
 #[derive(Debug, Clone)]
 pub(super) struct Specialised<'a> {
     pub(super) shader: Shader,
     pub(super) constants: Constants<'a>,
-    /// Frames that a dispatch makes.
+    /// Number of frames that one dispatch makes.
     pub(super) frames: u32,
-    /// Bindings of buffers with a part for each frame.
+    /// Binding numbers of the buffers that have a part per frame.
     pub(super) parts: Vec<u32>,
 }
 
-/// A compiled pass.
+/// A compiled pass, without bindings.
 #[derive(Debug)]
 struct Compiled {
     shader: Shader,
@@ -34,12 +34,12 @@ struct Compiled {
     pipeline: wgpu::ComputePipeline,
 }
 
-/// Every pass compiled so far. A compiled pass depends only on the shader and its overrides.
+/// All passes compiled so far. A compiled pass depends only on its shader, overrides, and number of frames.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
     shaders: ShaderSet,
     compiled: Vec<Arc<Compiled>>,
-    /// Length of `compiled` at the last call of `take_cold`.
+    /// Number of compiled passes at the last call of `take_cold`.
     warm: usize,
 }
 
@@ -53,24 +53,25 @@ impl Pipelines {
         self.compiled.len()
     }
 
-    /// Whether passes are made for software.
+    /// Whether passes are specialised for a software device.
     pub(crate) fn in_software(&self, gpu: &Gpu) -> bool {
         gpu.is_software() && !self.shaders.as_gpu
     }
 
-    /// Largest buffer of segments, bytes.
+    /// Largest segment buffer, bytes.
     pub(crate) fn segment_bytes_max(&self, gpu: &Gpu) -> u64 {
         self.shaders.segment_bytes_max.unwrap_or_else(|| gpu.segment_bytes_max())
     }
 
-    /// Whether some were compiled since the last call.
+    /// Whether passes were compiled since the last call.
     pub(crate) fn take_cold(&mut self) -> bool {
         let cold = self.warm < self.compiled.len();
         self.warm = self.compiled.len();
         cold
     }
 
-    /// The compiled pass of a specialised shader with this number of `buffers` after its parameters. Compiles it once.
+    /// The compiled pass of a specialised shader, which has `buffers` bindings after its parameters. Compiles it at the
+    /// first call.
     fn get(&mut self, gpu: &Gpu, specialised: &Specialised<'_>, buffers: u32) -> Result<Arc<Compiled>, BackendError> {
         let Specialised { shader, constants, frames, .. } = *specialised;
         let is_it = |c: &&Arc<Compiled>| c.shader == shader && c.constants == constants && c.frames == frames;
@@ -96,8 +97,8 @@ fn compile(device: &wgpu::Device, shaders: &ShaderSet, specialised: &Specialised
         force_loop_bounding: false,
         ..wgpu::ShaderRuntimeChecks::checked()
     };
-    // SAFETY: every index is bounded by the counts that the buffers were sized from (`Params`, `Tables`), every loop by
-    // such a count or a constant; `check_scene` has checked every index of the scene. Checks cost time on every read.
+    // SAFETY: Every index is bounded by the counts that sized the buffers (`Params`, `Tables`), every loop by such a
+    // count or a constant; `check_scene` has checked every index of the scene. Checks cost time on every read.
     let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
     let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
     let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -116,7 +117,7 @@ fn compile(device: &wgpu::Device, shaders: &ShaderSet, specialised: &Specialised
     Compiled { shader, constants: constants.to_vec(), frames, layout, pipeline }
 }
 
-/// Layout of a binding as the source declares it. The parameters, which are the first, have an offset.
+/// Layout of a binding, as the source declares it. Binding 0, the parameters, has a dynamic offset.
 fn layout_entry(source: &str, binding: u32) -> wgpu::BindGroupLayoutEntry {
     let space = declaration(source, binding).map_or("", |(space, _)| space);
     let ty = match space {
@@ -131,7 +132,7 @@ fn layout_entry(source: &str, binding: u32) -> wgpu::BindGroupLayoutEntry {
     }
 }
 
-/// A compiled pass with its bindings in one configuration.
+/// A compiled pass with the bindings and workgroups of one configuration.
 #[derive(Debug)]
 pub(crate) struct Pass {
     compiled: Arc<Compiled>,
@@ -140,7 +141,7 @@ pub(crate) struct Pass {
 }
 
 impl Pass {
-    /// A pass of a frame. It binds the frame's parameters, then `bound`.
+    /// Makes a pass that binds a frame's parameters, then the buffers `bound`.
     ///
     /// # Errors
     /// As [`Pass::bound`].
@@ -160,10 +161,10 @@ impl Pass {
         Self::bound(gpu, pipelines, (&buffers.params, size), &specialised, groups, bound)
     }
 
-    /// A pass that binds its parameters, which take `size` bytes of a buffer, then `bound`.
+    /// Makes a pass that binds `size` bytes of the buffer `params`, then the buffers `bound`.
     ///
     /// # Errors
-    /// More workgroups than the device takes, or a shader that it refuses.
+    /// More workgroups than the device can dispatch, or a shader that it refuses.
     pub(super) fn bound(
         gpu: &Gpu,
         pipelines: &mut Pipelines,
@@ -196,23 +197,23 @@ impl Pass {
         self.compiled.shader
     }
 
-    /// Whether the pass dispatches these workgroups of a shader with these overrides.
+    /// Whether the pass has this shader, these workgroups and these overrides.
     pub(super) fn is(&self, shader: Shader, groups: [u32; 3], constants: Constants<'_>) -> bool {
         self.compiled.shader == shader && self.groups == groups && self.compiled.constants == constants
     }
 
-    /// Records the pass with the uniforms of `batch`.
+    /// Records the pass with the uniforms of batch `batch`.
     pub(crate) fn record(&self, encoder: &mut wgpu::ComputePass<'_>, batch: u32) {
         self.record_at(encoder, batch * self.compiled.frames * PARAMS_STRIDE as u32);
     }
 
-    /// Records the pass for the first `frames` of those that it makes at once.
+    /// Records the pass for the first `frames` of the frames that it can make at once.
     pub(super) fn record_frames(&self, encoder: &mut wgpu::ComputePass<'_>, frames: u32) {
         let [x, y, _] = self.groups;
         self.dispatch(encoder, 0, [x, y, frames]);
     }
 
-    /// Records the pass with the parameters at an offset, bytes.
+    /// Records the pass with the parameters at `offset`, bytes.
     pub(super) fn record_at(&self, encoder: &mut wgpu::ComputePass<'_>, offset: u32) {
         self.dispatch(encoder, offset, self.groups);
     }

@@ -1,4 +1,4 @@
-//! One slot of the read-back ring: staging buffers and timestamps of a frame in flight.
+//! One slot of the read-back ring: staging buffer and timestamps of one frame in flight.
 
 use std::sync::mpsc;
 
@@ -13,33 +13,34 @@ use crate::params::Params;
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
 pub(crate) struct Slot {
-    /// One buffer: [B-mode | segmentation | attenuation | percentile, overflows of paths, overflows of maps | lines |
-    /// timestamps].
+    /// Staging buffer [B-mode | segmentation | attenuation | percentile, overflows of paths, overflows of maps | lines
+    /// | timestamps].
     staging: wgpu::Buffer,
     layout: Layout,
     queries: Option<Queries>,
     shape: Shape,
 }
 
-/// Sizes that a slot is made for.
+/// Sizes that determine a slot's memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Shape {
-    /// Image, pixels.
+    /// Size of the image, pixels.
     pub(crate) width: u32,
     pub(crate) height: u32,
     /// Words of four pixels per row.
     pub(crate) row_words: u32,
-    /// Scanlines with complex lines in the frame; 0 without them.
+    /// Number of scanlines whose complex samples the frame carries; 0 if it carries none.
     pub(crate) lines: u32,
-    /// Samples per row, without and with padding.
+    /// Samples per scanline, without and with padding.
     pub(crate) samples: u32,
     pub(crate) row_samples: u32,
-    /// Most dispatches of a frame.
+    /// Largest number of dispatches of a frame.
     pub(crate) dispatches: usize,
 }
 
 impl Shape {
-    /// Sizes of a configuration whose frames have up to this number of dispatches.
+    /// Sizes for a configuration whose frames have at most `dispatches` dispatches. `lines` says whether frames carry
+    /// complex samples.
     pub(super) fn of(params: &Params, lines: bool, dispatches: usize) -> Self {
         Self {
             width: params.image.width,
@@ -53,11 +54,11 @@ impl Shape {
     }
 }
 
-/// Contents of a frame in flight.
+/// Parts and timed passes of a frame in flight.
 #[derive(Debug, Clone)]
 pub(super) struct Recorded {
     pub(super) contents: Contents,
-    /// Names of the timed passes, in order. Of several frames that share dispatches, only the first has them.
+    /// Names of the timed passes, in order. If several frames share dispatches, only the first has the names.
     pub(super) timed: Vec<&'static str>,
 }
 
@@ -128,7 +129,7 @@ impl Slot {
         &self.shape
     }
 
-    /// Timestamps around the pass that is recorded as the `index`-th.
+    /// Timestamps around the `index`-th recorded pass; `None` on a device without timestamps.
     pub(crate) fn timestamps(&self, index: usize) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.queries.as_ref().map(|queries| wgpu::ComputePassTimestampWrites {
             query_set: &queries.set,
@@ -137,7 +138,7 @@ impl Slot {
         })
     }
 
-    /// Records the copies of the `frame`-th part of the working buffers.
+    /// Records copies from the working buffers, whose parts belong to several frames: those of the `frame`-th part.
     pub(crate) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -170,16 +171,16 @@ impl Slot {
         }
     }
 
-    /// Requests the mapping of the staging memory; [`Slot::read`] must wait for the message to `done`.
+    /// Requests the mapping of the staging buffer. The result arrives in `done`; [`Slot::read`] must wait for it.
     pub(crate) fn map(&self, done: &mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>) {
         let done = done.clone();
         self.staging.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver lives as long as the renderer. The channel has room for one message per frame in flight.
+            // The receiver lives as long as the renderer, and the channel holds a message per frame in flight.
             let _ = done.try_send(result);
         });
     }
 
-    /// Copies the mapped frame out and gives the memory back.
+    /// Copies the frame out of the mapped staging buffer, and unmaps it.
     pub(crate) fn read(&self, frame: &mut Frame, recorded: &Recorded) -> Result<(), BackendError> {
         let contents = recorded.contents;
         let lost = |e: wgpu::MapRangeError| BackendError::Lost { reason: e.to_string() };

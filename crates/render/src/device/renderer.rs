@@ -1,4 +1,4 @@
-//! Frames by a device: records the passes, keeps up to two frames in flight, reads them back.
+//! Frame maker of a device: records the passes, keeps frames in flight, and reads them back.
 
 use std::collections::VecDeque;
 use std::mem;
@@ -25,48 +25,48 @@ use crate::maker::FrameMaker;
 use crate::params::Params;
 use crate::snapshot::PassBuffers;
 
-/// Most slots of a configuration. It is a multiple of each configuration's number of slots, so that frames take them in
-/// turn.
+/// Most read-back slots of a configuration. It is a multiple of each configuration's number of slots, so that frames
+/// take the slots in turn.
 const SLOTS_MAX: usize = FRAMES_IN_FLIGHT * FRAMES_AT_ONCE_MAX as usize;
 
-/// A frame that was submitted and not received.
+/// A frame that was submitted and not yet received.
 #[derive(Debug)]
 struct InFlight {
     slot: Arc<Slot>,
     recorded: Recorded,
     submission: wgpu::SubmissionIndex,
     times: DeviceTimes,
-    /// Passes compiled at its submission.
+    /// Number of passes compiled when it was submitted.
     compiled: usize,
 }
 
-/// Makes frames by the shaders of a device.
+/// Makes frames on a device.
 #[derive(Debug)]
 struct DeviceRenderer {
     gpu: Gpu,
     scene: SceneBuffers,
-    /// Motion of the scene; none if no part of it moves.
+    /// Passes that move the scene; `None` if no part of it moves.
     motion: Option<Motion>,
     pipelines: Pipelines,
     active: DeviceConfiguration,
-    /// The active configuration for several frames at once; none before it is needed.
+    /// Buffers and passes of the active configuration for several frames per dispatch; `None` until needed.
     several: Option<DeviceConfiguration>,
-    /// Whether frames are made one at a time: one fills the device, or memory is short.
+    /// Whether a dispatch can make only one frame: one keeps the device busy, or memory is short.
     alone: bool,
-    /// The other configurations.
+    /// The configurations that are not active.
     kept: Kept<DeviceConfiguration>,
     in_flight: VecDeque<InFlight>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
-    /// Memory of the uniforms of all batches.
+    /// Reused memory for the uniforms of all batches.
     uniforms: Vec<u8>,
-    /// Passes compiled at the submission of the last frame that was received.
+    /// Number of passes that had been compiled when the last received frame was submitted.
     warm: usize,
 }
 
 impl Gpu {
-    /// Frame maker of a scene and a configuration.
+    /// Makes the frame maker for a scene and a configuration.
     ///
     /// # Errors
     /// As [`DeviceRenderer::new`].
@@ -80,7 +80,7 @@ impl Gpu {
 }
 
 impl DeviceRenderer {
-    /// A renderer of a scene and a configuration.
+    /// Makes a renderer of a scene and a configuration.
     ///
     /// # Errors
     /// A device that fails, is too small or has no memory left.
@@ -112,8 +112,8 @@ impl DeviceRenderer {
         })
     }
 
-    /// The configuration that makes several frames at once, made when it is first needed. None if one frame fills the
-    /// device, or memory is short.
+    /// The active configuration for several frames per dispatch, made at the first call. `None` if one frame keeps the
+    /// device busy, or memory is short.
     fn several(&mut self, inputs: FrameInputs<'_>) -> Option<&DeviceConfiguration> {
         let batches = self.active.batches;
         if self.several.is_none() && !self.alone && batches.batches == 1 {
@@ -136,7 +136,7 @@ impl DeviceRenderer {
         self.several.as_ref()
     }
 
-    /// Starts a frame for each of `params`, with the configuration for several frames or with the active one.
+    /// Starts a frame for each of `params`. `several` chooses the configuration for several frames per dispatch.
     fn submit_to(
         &mut self,
         several: bool,
@@ -166,7 +166,7 @@ impl DeviceRenderer {
                 if several { pass.record_frames(compute, frames) } else { pass.record(compute, *batch) }
             });
         }
-        // The first frame has the times of all.
+        // Frames of one dispatch have common times, which the first frame reports.
         let recorded: Vec<_> = (0..frames).map(|_| Recorded { contents, timed: mem::take(&mut timed) }).collect();
         for (recorded, at) in recorded.iter().zip(0u32..) {
             slot(at as usize).record(&mut encoder, &device.buffers, at, recorded);
@@ -189,7 +189,7 @@ impl DeviceRenderer {
         Ok(())
     }
 
-    /// Waits for a submission and copies its frame out of its slot.
+    /// Waits for a frame and copies it out of its slot.
     fn read_back(&mut self, in_flight: &InFlight, frame: &mut Frame) -> Result<(), BackendError> {
         let lost = |reason: String| BackendError::Lost { reason };
         let started = Instant::now();
@@ -197,7 +197,7 @@ impl DeviceRenderer {
             match self.mapped.try_recv() {
                 Ok(result) => break result,
                 Err(_) => {
-                    // Waits for this frame only: the next one may still run.
+                    // Waits for this frame only; the next one may still run.
                     self.gpu.wait(in_flight.submission.clone(), in_flight.compiled > self.warm)?;
                 }
             };
@@ -213,7 +213,7 @@ impl DeviceRenderer {
     }
 }
 
-/// Uploads the uniforms: for each batch, those of all frames.
+/// Uploads the uniforms: batch by batch, those of all frames.
 fn upload_uniforms(gpu: &Gpu, memory: &mut Vec<u8>, device: &DeviceConfiguration, params: &[Params]) {
     let batches = device.batches;
     let stride = PARAMS_STRIDE as usize * device.buffers.frames as usize;
@@ -227,7 +227,7 @@ fn upload_uniforms(gpu: &Gpu, memory: &mut Vec<u8>, device: &DeviceConfiguration
     gpu.queue.write_buffer(&device.buffers.params, 0, memory);
 }
 
-/// Begins the commands of a frame: clears the counters, and the baseband if no `march` writes it.
+/// Begins the commands of a frame: clears the overflow counters, and the baseband if no `march` writes it.
 fn begin(gpu: &Gpu, device: &DeviceConfiguration, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
     let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
     let mut encoder = gpu.device.create_command_encoder(&label);
@@ -239,7 +239,7 @@ fn begin(gpu: &Gpu, device: &DeviceConfiguration, inputs: FrameInputs<'_>) -> wg
     encoder
 }
 
-/// Time since an instant, ms.
+/// Time since `started`, ms.
 fn ms_since(started: Instant) -> f64 {
     started.elapsed().as_secs_f64() * 1e3
 }
@@ -259,7 +259,7 @@ impl FrameMaker for DeviceRenderer {
     fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let Self { gpu, scene, pipelines, kept, active, .. } = self;
         let mut new = || {
-            // Buffers are not shared: tables of one configuration may change without the other's.
+            // Nothing is shared with the active configuration: either may change its tables without the other.
             let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
             let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
             new.buffers.fill(gpu, &inputs.configuration.tables, bends, None);

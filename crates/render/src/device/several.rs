@@ -1,21 +1,21 @@
-//! Sources of passes that make several frames in one dispatch: the frame is `workgroup_id.z`.
+//! Rewrites shaders so that one dispatch makes several frames; the frame's index is `workgroup_id.z`.
 //!
-//! Frames share tables and scene. A buffer that passes write has one part for each frame, and each frame has its own
-//! parameters. So only indices change: `segments[i]` becomes the i-th element of the frame's part, and `params` the
+//! Frames share tables and scene. A buffer that passes write has one part per frame, and each frame has its own
+//! parameters. So only indices change: `segments[i]` becomes element i of the frame's part, and `params` becomes the
 //! frame's parameters.
 
 use std::fmt::Write as _;
 
 use super::shaders::{PARAMS, declaration};
 
-/// Source of a pass for `frames` frames. `bindings` number the buffers that have a part for each frame.
+/// WGSL of a pass for `frames` frames. `bindings` are the numbers of the bindings whose buffers have a part per frame.
 pub(super) fn source_of_frames(source: &str, bindings: &[u32], frames: u32) -> String {
     let names: Vec<&str> =
         bindings.iter().filter_map(|&binding| declaration(source, binding)).map(|(_, name)| name).collect();
     let several = format!("var<uniform> params_of: array<Params, {frames}>;\nvar<private> frame_index: u32;");
     let mut out = String::with_capacity(2 * source.len());
     for line in source.replace(PARAMS, &several).split_inclusive('\n') {
-        // Comments stay as they are. Declarations have no index.
+        // Comments are copied. Declarations contain no index.
         let (code, comment) = line.find("//").map_or((line, ""), |at| line.split_at(at));
         if code.contains("@group(0)") {
             out.push_str(code)
@@ -27,9 +27,9 @@ pub(super) fn source_of_frames(source: &str, bindings: &[u32], frames: u32) -> S
     with_frame_index(&out)
 }
 
-/// Appends a line of code with its indices moved to the frame's part.
+/// Appends a line of code, with indices into the buffers `names` moved to the frame's part.
 fn push_code(out: &mut String, code: &str, names: &[&str], frames: u32) {
-    // Whether each open bracket is an index that was moved.
+    // For each open bracket, whether it belongs to a moved index.
     let mut moved = Vec::new();
     let mut rest = code;
     while let Some(first) = rest.chars().next() {
@@ -55,7 +55,7 @@ fn push_code(out: &mut String, code: &str, names: &[&str], frames: u32) {
     }
 }
 
-/// Sets the frame's index at the start of `main`.
+/// Makes `main` set `frame_index` first.
 fn with_frame_index(source: &str) -> String {
     const MAIN: &str = "fn main(";
     let Some((before, main)) = source.split_once(MAIN) else { return source.to_owned() };

@@ -1,4 +1,4 @@
-//! Shaders of the passes, and their WGSL: shared constants, imports, and the file of the pass.
+//! Shaders of the passes. Each source consists of shared constants, imported files, and the file of the pass.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use insonify_core::anatomy::bvh::STACK_DEPTH_MAX;
@@ -9,22 +9,22 @@ use crate::constants as shared;
 use crate::params::IMAGE_QUADS;
 use crate::texture::{SEPTUM_WIDTH, WAVE_VARIANCE, WAVES, waves};
 
-/// WGSL of every shader. Tests change one to make the comparison with its twin fail.
+/// WGSL source of every shader. Tests change one to make the comparison with its twin fail.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShaderSet {
-    /// In the order of [`Shader::ALL`].
+    /// Sources in the order of [`Shader::ALL`].
     sources: Vec<String>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
-    /// Whether software runs `echo` and `section` as a GPU does; for tests.
+    /// Whether a software device runs `echo` and `section` as a GPU does; for tests.
     pub as_gpu: bool,
-    /// Largest buffer of segments, bytes, instead of the device's choice; for tests.
+    /// Largest segment buffer, bytes; replaces the device's choice in tests.
     pub segment_bytes_max: Option<u64>,
 }
 
 macro_rules! shaders {
     ($($(#[$doc:meta])* $shader:ident of $pass:literal: $($import:literal)*;)*) => {
-        /// Shaders by the pass that each runs. `trace` and `echo` have two.
+        /// Shaders, named by their passes. `trace` and `echo` have two each.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(super) enum Shader {
             $($(#[$doc])* $shader,)*
@@ -33,7 +33,8 @@ macro_rules! shaders {
         impl Shader {
             const ALL: &[Self] = &[$(Self::$shader),*];
 
-            /// Name of the pass: that of its file, and of its time in [`FrameTimes`](crate::frame::FrameTimes).
+            /// Name of the pass, which is also that of its file and of its time in
+            /// [`FrameTimes`](crate::frame::FrameTimes).
             pub(super) fn pass(self) -> &'static str {
                 match self {
                     $(Self::$shader => $pass,)*
@@ -49,7 +50,7 @@ macro_rules! shaders {
                 }
             }
 
-            /// Its imports, then its file.
+            /// Imported files, then the file of the pass.
             fn text(self) -> &'static str {
                 match self {
                     $(Self::$shader => concat!(
@@ -67,10 +68,10 @@ shaders! {
     Assemble of "assemble": "phasor" "motion";
     Refit of "refit": "phasor" "motion";
     Locate of "locate": "params" "bvh" "node_alone" "surfaces" "crossings" "collect" "collect_alone" "launch";
-    /// A path by one thread.
+    /// `trace` with one thread per path.
     Trace of "trace": "params" "segment" "tissue" "hash" "lattice" "interface" "bvh" "node_alone" "surfaces" "crossings" "nearest"
         "nearest_alone" "collect" "collect_alone" "launch" "path_alone";
-    /// A path by a few lanes, which needs [`wgpu::Features::SUBGROUP`].
+    /// `trace` with a few lanes per path; needs [`wgpu::Features::SUBGROUP`].
     TraceByLanes of "trace": "params" "segment" "tissue" "hash" "lattice" "interface" "bvh" "surfaces" "crossings" "nearest"
         "nearest_by_lanes" "collect" "collect_by_lanes" "launch" "path_by_lanes";
     Transmission of "transmission": "params" "segment" "aperture" "loss" "phasor" "launch";
@@ -79,9 +80,9 @@ shaders! {
     Profiles of "profiles": "params" "aperture";
     Visibility of "visibility": "params" "segment" "aperture" "loss" "line_gain";
     March of "march": "params" "segment" "hash" "lattice" "phasor" "speckle" "texture" "aperture" "loss" "line_gain";
-    /// A scanline by one workgroup.
+    /// `echo` with one workgroup per scanline.
     Echo of "echo": "params" "segment" "phasor" "aperture" "loss" "line_gain" "echo_by_group";
-    /// A scanline by one thread, for software.
+    /// `echo` with one thread per scanline, for software.
     EchoByLine of "echo": "params" "segment" "phasor" "aperture" "loss" "line_gain" "echo_by_line";
     Lateral of "lateral": "params" "aperture" "phasor";
     Receive of "receive": "params" "segment" "hash" "lattice" "loss";
@@ -91,10 +92,10 @@ shaders! {
     ScanConvert of "scan_convert": "params" "tissue";
 }
 
-/// Declaration of a frame's parameters, which passes that move the scene don't have.
+/// Declaration of a frame's parameters. The passes that move the scene have none.
 pub(super) const PARAMS: &str = "var<uniform> params: Params;";
 
-/// Address space and name of the variable that a source declares for a binding.
+/// Address space and name of the variable that `source` declares for a binding; `None` if there is none.
 pub(super) fn declaration(source: &str, binding: u32) -> Option<(&str, &str)> {
     let (_, declaration) = source.split_once(&format!("@binding({binding}) var<"))?;
     let (space, named) = declaration.split_once('>')?;
@@ -102,7 +103,7 @@ pub(super) fn declaration(source: &str, binding: u32) -> Option<(&str, &str)> {
     Some((space, name.trim()))
 }
 
-/// WGSL declarations of shared constants.
+/// Declares constants of [`crate::constants`] in WGSL.
 macro_rules! declarations {
     ($($kind:ident: $($name:ident)*;)*) => {
         [$($(concat!("const ", stringify!($name), ": ", stringify!($kind), " = ").to_owned()
@@ -110,7 +111,7 @@ macro_rules! declarations {
     };
 }
 
-/// Literals of WGSL.
+/// Formats numbers as WGSL literals.
 mod literal {
     pub(super) fn u32(value: u32) -> String {
         format!("{value}u")
@@ -125,7 +126,7 @@ mod literal {
     }
 }
 
-/// Constants before every pass.
+/// Constants that precede the source of every pass.
 fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX BLOCK_QUADS PULSE_QUADS
@@ -151,7 +152,7 @@ fn preamble() -> String {
 impl Default for ShaderSet {
     fn default() -> Self {
         let preamble = preamble();
-        // Functions that read the image settings from the frame's parameters.
+        // WGSL functions that read the image settings from the frame's parameters.
         let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
         let source = |shader: &Shader| {
             let text = shader.text();
@@ -164,12 +165,12 @@ impl Default for ShaderSet {
 }
 
 impl ShaderSet {
-    /// WGSL of a shader.
+    /// WGSL source of a shader.
     pub(super) fn source(&self, shader: Shader) -> &str {
         &self.sources[shader as usize]
     }
 
-    /// Replaces `from` by `to` in the shaders of a pass; false if it doesn't occur.
+    /// Replaces `from` by `to` in the shaders of a pass; returns false if `from` doesn't occur.
     #[cfg(feature = "test-hooks")]
     pub fn replace(&mut self, pass: &str, from: &str, to: &str) -> bool {
         let mut occurs = false;

@@ -15,7 +15,7 @@ use crate::frame::{Contents, unpad};
 use crate::params::Params;
 use crate::snapshot::PassBuffers;
 
-/// Contents of a buffer after all earlier submissions.
+/// Reads a buffer back, after all earlier submissions.
 pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
     let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("snapshot"),
@@ -26,21 +26,21 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, B
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
     let submission = gpu.queue.submit([encoder.finish()]);
-    // `get_mapped_range` reports a failed map.
+    // If the mapping fails, `get_mapped_range` reports it.
     copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
     gpu.wait(submission, true)?;
     let view = copy.slice(..).get_mapped_range().map_err(|e| BackendError::Lost { reason: e.to_string() })?;
     Ok(bytemuck::pod_collect_to_vec(&view[..]))
 }
 
-/// An image in a buffer, without the padding of its rows.
+/// Reads an image back, without the padding of its rows.
 fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
     let mut rows = Vec::new();
     unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
     Ok(rows)
 }
 
-/// Moved parts of the device's scene.
+/// Reads the moved parts of the device's scene back.
 ///
 /// # Errors
 /// A device that fails.
@@ -54,7 +54,7 @@ pub(super) fn moved(gpu: &Gpu, scene: &SceneBuffers, motion: &Motion) -> Result<
     })
 }
 
-/// Runs every pass after the commands of `encoder`, and reads back their outputs.
+/// Runs every pass after the commands of `encoder`, and reads all outputs back.
 ///
 /// # Errors
 /// A device that fails.
@@ -79,7 +79,7 @@ pub(super) fn pass_buffers(
         gpu.queue.submit([encoder.finish()]);
     };
     let encoder_after = || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    // `echo` and `receive` add to their input, which is read back before.
+    // `echo` and `receive` change their input in place, so it is read back before they run.
     let scatters = before(&[Shader::Echo, Shader::EchoByLine, Shader::Lateral]);
     let focuses = before(&[Shader::Receive, Shader::Detect]);
     submit(encoder, &dispatches[..scatters]);

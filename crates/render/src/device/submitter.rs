@@ -1,5 +1,5 @@
-//! Submission on a separate thread, since a driver may block in it. Software Vulkan makes the whole frame there, and the
-//! driver of a stuck device may never return.
+//! Submission of commands on a separate thread, since a driver may block in it. Software Vulkan makes the whole frame
+//! there, and the driver of a stuck device may never return.
 
 use std::io;
 use std::sync::mpsc;
@@ -8,16 +8,17 @@ use std::time::Duration;
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Thread that submits. It ends with the last clone. Between jobs it holds no handle of the device.
+/// Handle of the submitting thread, which ends with the handle's last clone. Between jobs, the thread holds no handle
+/// of the device.
 #[derive(Debug, Clone)]
 pub(super) struct Submitter(mpsc::Sender<Job>);
 
 /// Reason why a job has no result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Missing {
-    /// It takes longer than it may.
+    /// The job exceeded its time limit.
     Late,
-    /// The thread is gone: it panicked.
+    /// The thread ended by a panic.
     Gone,
 }
 
@@ -32,7 +33,8 @@ impl Submitter {
         Ok(Self(sender))
     }
 
-    /// Result of `job`. A job that is late is left behind with the thread, and so are all later ones.
+    /// Runs `job` on the thread and returns its result. If it is late, the thread stays blocked by it, and later jobs
+    /// are late, too.
     ///
     /// # Errors
     /// No result within `limit`.
@@ -43,7 +45,7 @@ impl Submitter {
     ) -> Result<T, Missing> {
         let (done, result) = mpsc::sync_channel(1);
         let job = Box::new(move || {
-            // Nobody waits for a job that is late.
+            // The receiver is gone if the job was late.
             let _ = done.send(job());
         });
         self.0.send(job).map_err(|_| Missing::Gone)?;

@@ -1,4 +1,4 @@
-//! Choice between threads and lanes for `trace` on a device: given, or measured once per adapter and driver.
+//! Choice of threads or lanes for `trace` on a device: requested, or measured once per adapter and driver.
 
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -22,18 +22,18 @@ use crate::trace_by::TraceBy;
 use crate::trace_cache;
 use crate::trace_times::{TraceChoice, TraceTimes};
 
-/// Time limit for the start of another round of measurements.
+/// Time after which no further round of measurements begins.
 const MEASURED_WITHIN: Duration = Duration::from_millis(200);
-/// Most rounds of measurements for a pose.
+/// Most rounds of measurements at each pose.
 const ROUNDS: usize = 3;
-/// Dispatches that are timed at once.
+/// Dispatches timed together.
 const DISPATCHES: u32 = 2;
-/// Paths of a frame of low quality, and of one of high quality.
+/// Number of paths that is measured: of a low-quality frame, and of a high-quality one.
 const MEASURED_PATHS: [u32; 2] = [256, 24_832];
-/// Least part of the paths that have equally many segments by both ways.
+/// Least fraction of paths that must have the same number of segments by threads and by lanes.
 const ALIKE: f64 = 0.99;
 
-/// Reason why lanes can't share a path, if there is one. `sizes` are the least and the greatest size of a subgroup.
+/// Reason why lanes can't share a path; `None` if they can. `sizes` are the least and greatest size of a subgroup.
 fn unfit(has_subgroups: bool, sizes: [u32; 2]) -> Option<String> {
     if !has_subgroups {
         return Some("it has no subgroup operations".to_owned());
@@ -43,7 +43,7 @@ fn unfit(has_subgroups: bool, sizes: [u32; 2]) -> Option<String> {
 }
 
 impl Gpu {
-    /// Reason why lanes can't share a path on this device, if there is one.
+    /// Reason why lanes of this device can't share a path; `None` if they can.
     fn lanes_unfit(&self) -> Option<String> {
         unfit(self.device.features().contains(wgpu::Features::SUBGROUP), self.subgroup_sizes())
     }
@@ -53,10 +53,10 @@ impl Gpu {
         self.lanes_unfit().is_none()
     }
 
-    /// The same device, with a given way of `trace`.
+    /// Sets how the device runs `trace`.
     ///
     /// # Errors
-    /// Lanes, where subgroups don't fit.
+    /// Lanes are asked for, but the device's subgroups don't fit.
     pub(crate) fn tracing_by(mut self, by: TraceBy) -> Result<Self, BackendError> {
         if let Some(reason) = self.lanes_unfit().filter(|_| by == TraceBy::Lanes) {
             return Err(BackendError::NoLanes { adapter: self.adapter_name(), reason });
@@ -65,18 +65,18 @@ impl Gpu {
         Ok(self)
     }
 
-    /// The way of `trace` as words; none before the first renderer.
+    /// How the device runs `trace`, in words; `None` before the first renderer.
     pub(crate) fn trace(&self) -> Option<String> {
         self.trace.get().map(TraceChoice::to_string)
     }
 
-    /// The way of `trace` for a batch of `paths`.
+    /// How to run `trace` for a batch of `paths` paths.
     pub(super) fn trace_by(&self, paths: u32) -> TraceBy {
         self.trace.get().copied().unwrap_or_default().of(paths)
     }
 
-    /// Chooses the way of `trace`, unless it is chosen already. On a GPU whose subgroups fit, both are measured in the
-    /// scene once; the cache directory keeps the times.
+    /// Chooses how to run `trace`, unless that was done before. On a GPU whose subgroups fit, both ways are measured
+    /// once in the scene, and the cache directory keeps the times.
     pub(super) fn choose_trace(&self, scene: &SceneBuffers, pipelines: &mut Pipelines, inputs: FrameInputs<'_>) {
         self.trace.get_or_init(|| {
             if self.is_software() || !self.has_trace_by_lanes() {
@@ -96,8 +96,8 @@ impl Gpu {
     }
 }
 
-/// Measures both ways with few and with many paths, from three sides through the middle of the scene. None if the ways
-/// find different paths, since lanes are then wrong.
+/// Measures both ways with few and with many paths, from three sides through the middle of the scene. `None` if they
+/// find different paths, since lanes must then be wrong.
 ///
 /// # Errors
 /// A device that fails, or refuses a pass.
@@ -116,7 +116,8 @@ fn measure(
     let mut passes = Vec::new();
     for measured in MEASURED_PATHS {
         for by in [TraceBy::Path, TraceBy::Lanes] {
-            // Copies of the same paths write the same values.
+            // To fill up the number of paths, the same paths are traced several times; all copies write the same
+            // values.
             let copies = (measured / paths.max(1)).max(1);
             let trace = TraceDispatch::new(gpu, inputs, by, measured.min(paths), copies);
             let TraceDispatch { shader, groups, constants } = &trace;
@@ -141,7 +142,7 @@ fn measure(
         let mut params = device.batches.params(0, &configuration.params);
         params.set_pose(&Pose::looking(from_mm, axis, lateral), inputs.bvh, &configuration.probe);
         gpu.queue.write_buffer(&device.buffers.params, 0, bytemuck::bytes_of(&params));
-        // Compiles, too.
+        // The first run compiles, too.
         run(&locate.pass, 1)?;
         let began = *began.get_or_insert_with(Instant::now);
         let mut counts: Vec<Vec<u32>> = Vec::new();
@@ -156,7 +157,7 @@ fn measure(
             return Ok(None);
         }
         for _ in 0..ROUNDS {
-            // A device so slow that no round fits is judged by its first dispatches.
+            // A device too slow for any round is judged by its first dispatches.
             if began.elapsed() > MEASURED_WITHIN {
                 break;
             }
@@ -173,7 +174,7 @@ fn measure(
     Ok(Some(TraceTimes { few_ms: [a, b], many_ms: [c, d] }))
 }
 
-/// Whether nearly all of the first `paths` have the same number of segments.
+/// Whether nearly all of the first `paths` paths have the same number of segments in both.
 fn alike(one: &[u32], other: &[u32], paths: usize) -> bool {
     let same = one.iter().zip(other).take(paths).filter(|(a, b)| a == b).count();
     same as f64 >= ALIKE * paths as f64
@@ -212,7 +213,7 @@ mod tests {
         assert!(!alike(&counts, &other, 400));
     }
 
-    /// Both ways measured on software, with the shaders of a test.
+    /// Times of both ways on a software device, with `shaders` that a test may have changed.
     fn measured(shaders: &ShaderSet) -> Option<TraceTimes> {
         let gpu = Gpu::open(true).unwrap();
         let mesh = analytic::sphere(Vec3::ZERO, 40.0, 3);

@@ -1,4 +1,4 @@
-//! The pass `trace` by one thread or by lanes: shader, workgroups, overrides and buffers.
+//! The pass `trace` by threads or by lanes: shader, workgroups, overrides and buffers.
 
 use insonify_core::settings::Effect;
 
@@ -21,10 +21,10 @@ pub(super) struct TraceDispatch {
 }
 
 impl TraceDispatch {
-    /// The dispatch of the first `paths`, `copies` times over: for as many frames, or the same paths again.
+    /// Dispatch for the first `paths` paths, `copies` times: one copy per frame, or repetitions to measure times.
     pub(super) fn new(gpu: &Gpu, inputs: FrameInputs<'_>, by: TraceBy, paths: u32, copies: u32) -> Self {
         let all = paths.saturating_mul(copies);
-        // Lanes of very many paths are more than a dispatch takes.
+        // With very many paths, lanes would need more workgroups than a dispatch may have.
         let offered = u64::from(gpu.device.limits().max_compute_workgroups_per_dimension) * u64::from(GROUP);
         let fits = u64::from(paths) * u64::from(PATH_LANES * gpu.paths_apart(all)) <= offered;
         let by = if fits { by } else { TraceBy::Path };
@@ -46,7 +46,7 @@ impl TraceDispatch {
         Self { shader, groups: [(paths * lanes * apart).div_ceil(GROUP), 1, copies], constants }
     }
 
-    /// Buffers that the pass binds after the frame's parameters.
+    /// Buffers that the pass binds after the frame's parameters, in order.
     pub(super) fn buffers<'a>(scene: &'a SceneBuffers, buffers: &'a Buffers) -> [&'a wgpu::Buffer; 14] {
         [
             &scene.nodes,
