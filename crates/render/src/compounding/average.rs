@@ -1,4 +1,4 @@
-//! Weighted mean of the pictures of all angles at the present picture's pixels.
+//! Weighted mean of the pictures of all angles, at the present picture's pixels.
 
 use insonify_core::simd::{at_least, at_most, log2, nearest_bits, widened};
 
@@ -6,33 +6,34 @@ use super::codes::{BLOCK, Codes, amplitude};
 use super::registration::Registration;
 use crate::angle_order::ACROSS_SIGMA_MM;
 
-/// Pixels of a row that are summed together.
+/// Pixels of a row that are summed at once.
 const SEGMENT: usize = 64 * BLOCK;
-/// Parts of a pixel to which displacements are rounded.
+/// Displacements are rounded to this fraction of a pixel.
 const PARTS: i64 = 256;
-/// The weight (1 − y²/8σ²)⁸ is that of exp(−y²/σ²) near the slice, and 0 from √8 σ on.
+/// The weight (1 − y²/8σ²)⁸ at a distance y from the slice is close to exp(−y²/σ²) near it, and 0 at √8 σ. This is its
+/// 1/8σ², 1/mm².
 const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_SIGMA_MM * ACROSS_SIGMA_MM)) as f32;
-/// Eighth root of the least weight: a picture from beside the slice shows where no other one does.
+/// Eighth root of the least weight, so that a picture made off the slice shows where no other one does.
 const WEIGHT_ROOT_MIN: f32 = 0.2;
 const AMPLITUDE_MIN: f32 = 1.0e-30;
 
-/// An angle's picture in the present one.
+/// An angle that the mean includes, and its registration.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Source {
     pub(super) angle: usize,
     pub(super) registration: Registration,
 }
 
-/// What rows of a picture are made of.
+/// Data from which rows of the mean are computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View<'a> {
     pub(super) angles: &'a [Codes],
     pub(super) sources: &'a [Source],
-    /// Whether the straight angle, the last, has been made.
+    /// Whether a picture of the straight angle, the last one, is stored.
     pub(super) straight: bool,
     /// 255 inside the sector [height × width].
     pub(super) mask: &'a [u8],
-    /// First column in the sector and the one after the last, of each row.
+    /// First column inside the sector and first one beyond it, for each row.
     pub(super) spans: &'a [[usize; 2]],
     pub(super) width: usize,
     /// Grey levels per doubling of the amplitude.
@@ -40,11 +41,11 @@ pub(super) struct View<'a> {
 }
 
 widened! {
-    /// Grey levels of a picture's rows from `first_row` on.
+    /// Computes rows of the mean, grey levels, from `first_row` on.
     pub(super) fn average_rows(view: &View<'_>, first_row: usize, picture: &mut [u8]) = average_rows_body
 }
 
-// Plain loops: a closure would be compiled separately, without AVX2.
+// Plain loops: a closure would be compiled without AVX2.
 #[inline(always)]
 fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
     for (i, line) in picture.chunks_exact_mut(view.width).enumerate() {
@@ -67,7 +68,7 @@ fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
             let straight = view.angles.last().map_or(&[][..], |codes| codes.from(column as i64, row as i64));
             let inside = line[column..].iter_mut().zip(&mask[column..]).zip(straight);
             for (((level, mask), straight), (sum, weight)) in inside.zip(sums.iter().zip(&weights)) {
-                // Where no angle shows the place, the last straight one does as it is.
+                // A pixel that no included angle shows gets the straight angle's pixel, without registration.
                 let alone = if view.straight { amplitude(*straight) } else { 0.0 };
                 let mean = if *weight > 0.0 { sum / weight } else { alone };
                 let shown = 255.0 + view.levels_per_octave * log2(at_least(mean, AMPLITUDE_MIN));
@@ -78,7 +79,7 @@ fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
     }
 }
 
-/// Adds an angle's picture to the sums of `blocks` blocks of pixels from a column and row on.
+/// Adds an angle's amplitudes and weights to the sums of `blocks` blocks of pixels, from a column and row on.
 #[inline(always)]
 fn accumulate(
     codes: &Codes,
@@ -95,7 +96,7 @@ fn accumulate(
     let (sums, weights) = (sums.as_chunks_mut::<BLOCK>().0, weights.as_chunks_mut::<BLOCK>().0);
     for (block, (sums, weights)) in sums.iter_mut().zip(weights).enumerate().take(blocks) {
         let first = (column + BLOCK * block) as f64;
-        // The displacement is that of the block's middle.
+        // The whole block is displaced like its middle.
         let middle = 0.5 * (BLOCK - 1) as f64;
         let at = row_start + (first + middle) * *per_column;
         let left = ((at.x - middle) * PARTS as f64 + 0.5).floor() as i64;
@@ -116,7 +117,7 @@ fn accumulate(
                 continue;
             }
             for ((code, sum), weight) in corner.iter().zip(&mut sum).zip(&mut weight) {
-                // Outside its own sector an angle doesn't count.
+                // Pixels that the angle doesn't show have no weight.
                 let shown = if *code > 0 { part } else { 0.0 };
                 *sum += shown * amplitude(*code);
                 *weight += shown;

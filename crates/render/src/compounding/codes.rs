@@ -1,20 +1,21 @@
-//! An angle's picture as amplitudes in 16 bits each, with a border of nothing.
+//! An angle's picture as 16-bit codes of amplitude, with a border of zeros.
 
 use rayon::prelude::*;
 
-/// Neighbouring pixels that are read at one displacement. A turn by 5 degrees displaces their ends by 0.3 more.
+/// Neighbouring pixels that are read at a common displacement. If the probe turns by 5 degrees, the ends of a block are
+/// off by 0.3 pixels.
 pub(super) const BLOCK: usize = 8;
-/// Codes are the upper bits of an f32: 11 bits of mantissa, and 32 octaves below 1.
+/// A code is the upper bits of an f32 amplitude: 11 bits of mantissa, and 32 octaves below 1.
 const SHIFT: u32 = 12;
 const OFFSET: u32 = (1f32.to_bits() >> SHIFT) - u16::MAX as u32;
-/// Rows per task.
+/// Rows of the picture per task.
 const ROWS: usize = 16;
 
-/// Codes of the grey levels at a dynamic range, dB.
+/// Code of each grey level, for a dynamic range in dB.
 pub(super) fn of_levels(dynamic_range_db: f64) -> [u16; 256] {
     std::array::from_fn(|level| {
         let amplitude = 10f64.powf((level as f64 / 255.0 - 1.0) * dynamic_range_db / 20.0);
-        // The nearest code; 0 is for what is not shown.
+        // The nearest code, at least 1; 0 stands for pixels that are not shown.
         let bits = (amplitude as f32).to_bits() + (1 << (SHIFT - 1));
         (bits >> SHIFT).saturating_sub(OFFSET).clamp(1, u16::MAX.into()) as u16
     })
@@ -26,7 +27,7 @@ pub(super) fn amplitude(code: u16) -> f32 {
     f32::from_bits((u32::from(code) + OFFSET) << SHIFT)
 }
 
-/// A picture as codes; 0 is what the angle does not show.
+/// A picture as codes; 0 where the angle shows nothing.
 #[derive(Debug)]
 pub(super) struct Codes {
     codes: Vec<u16>,
@@ -35,17 +36,17 @@ pub(super) struct Codes {
 }
 
 impl Codes {
-    /// A picture of nothing.
+    /// A picture that shows nothing.
     pub(super) fn new(width: usize, height: usize) -> Self {
         Self { codes: vec![0; Self::stride(width) * (height + 2)], width, height }
     }
 
-    /// Codes per row: a block before the picture, and two behind it.
+    /// Codes per row: a block to the left of the picture, and two to its right.
     fn stride(width: usize) -> usize {
         BLOCK + width + 2 * BLOCK
     }
 
-    /// Takes a picture of grey levels where `covered` has the bit.
+    /// Stores a picture of grey levels, as far as the angle shows it: where `covered` has the bit `bit`.
     pub(super) fn set(&mut self, picture: &[u8], covered: &[u16], bit: u16, of_levels: &[u16; 256]) {
         let (width, stride) = (self.width, Self::stride(self.width));
         let rows = self.codes[stride..].par_chunks_mut(ROWS * stride);
@@ -60,7 +61,7 @@ impl Codes {
         });
     }
 
-    /// Codes from a pixel on; none from outside the picture and its border.
+    /// Codes from a pixel on; empty outside the picture and its border.
     #[inline(always)]
     pub(super) fn from(&self, column: i64, row: i64) -> &[u16] {
         if column < -(BLOCK as i64) || column >= self.width as i64 || row < -1 || row >= self.height as i64 {
@@ -70,7 +71,8 @@ impl Codes {
         self.codes.get(start..).unwrap_or(&[])
     }
 
-    /// Blocks at a pixel, its right neighbour, and those below them; `None` outside the picture and its border.
+    /// Blocks of codes from a pixel on, from its right neighbour on, and from the two pixels below; `None` outside the
+    /// picture and its border.
     #[inline(always)]
     pub(super) fn corners(&self, column: i64, row: i64) -> Option<[&[u16; BLOCK]; 4]> {
         let codes = self.from(column, row);

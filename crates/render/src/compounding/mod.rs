@@ -1,10 +1,11 @@
-//! Spatial compounding: mean of pictures whose scanlines are steered by several angles.
+//! Spatial compounding: the mean of pictures whose scanlines are steered by several angles.
 //!
-//! Amplitudes are averaged, not their logarithms: the angles' speckle then adds as independent estimates of one amplitude
-//! do (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
+//! Amplitudes are averaged, not their logarithms: speckle of different angles then averages as independent estimates of
+//! one amplitude do (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
 //!
-//! Live, each angle was made at its own pose. It is kept as it was made, and resampled at the present pose once per
-//! picture: by the rigid motion within the slice, weighted by the distance across it.
+//! In a live session each angle has its own pose. Its picture is kept as it was made, and resampled at the present pose
+//! for each new mean. The resampling follows the rigid motion within the slice; the weight falls with the distance
+//! across it.
 
 mod average;
 mod codes;
@@ -24,39 +25,40 @@ use self::codes::Codes;
 use self::registration::Registration;
 use super::angle_order::{Place, Rules};
 
-/// Rows per task.
+/// Rows of the picture per task.
 const ROWS: usize = 8;
 
-/// Steering angles in the order in which they are made, radians. The last one is 0: its lines and maps are kept.
+/// Steering angles in the order in which they are rendered, radians. The last one is 0; frames carry its lines and
+/// maps.
 pub(crate) fn steering(angles: u32, span_deg: f64) -> Vec<f64> {
     let half = f64::from(angles / 2);
     let step = if half > 0.0 { 0.5 * span_deg.to_radians() / half } else { 0.0 };
-    // Neighbours in time lie on different sides, so that a moving picture leans to neither.
+    // Successive angles alternate between the sides, so that a moving picture leans to neither.
     let sides = (1..=angles / 2).rev().flat_map(|i| [-f64::from(i), f64::from(i)]);
     sides.chain([0.0]).map(|i| i * step).collect()
 }
 
-/// The last picture of each angle, and their mean.
+/// The latest picture of each angle, and the mean of these pictures.
 #[derive(Debug)]
 pub(super) struct Compounding {
     sector: Sector,
     /// 255 inside the sector [height × width].
     mask: Arc<[u8]>,
-    /// First column in the sector and the one after the last, of each row.
+    /// First column inside the sector and first one beyond it, for each row.
     spans: Vec<[usize; 2]>,
-    /// Angles that show each pixel, one bit each.
+    /// Bit set of the angles that show each pixel [height × width].
     covered: Vec<u16>,
     angles: Vec<Codes>,
-    /// Place of each angle's picture; none before it is made.
+    /// Where each angle's picture was made; `None` if there is none yet, or if the rules have excluded it.
     places: Vec<Option<Place>>,
-    /// Angles in the present picture.
+    /// Angles that the present mean includes.
     sources: Vec<Source>,
     dynamic_range_db: f64,
     of_levels: [u16; 256],
 }
 
 impl Compounding {
-    /// Pictures of a sector, whose pixels the angles of `covered` show.
+    /// Prepares for pictures of `angles` angles. `covered` says which of them show each pixel.
     pub(super) fn new(
         sector: Sector,
         mask: Arc<[u8]>,
@@ -82,7 +84,7 @@ impl Compounding {
         }
     }
 
-    /// Forgets the pictures so far; those from now on have this dynamic range, dB.
+    /// Forgets all pictures; new ones have this dynamic range, dB.
     pub(super) fn restart(&mut self, dynamic_range_db: f64) {
         self.places.fill(None);
         if self.dynamic_range_db != dynamic_range_db {
@@ -91,7 +93,8 @@ impl Compounding {
         }
     }
 
-    /// Takes the picture of an angle, and replaces it by the mean of the last pictures of all angles within reach.
+    /// Stores the picture of an angle, then replaces `picture` by the mean of the latest pictures of all angles that
+    /// `rules` include.
     pub(super) fn add(&mut self, angle: usize, place: Place, rules: Rules, picture: &mut [u8]) {
         let width = self.sector.width as usize;
         let Some(codes) = self.angles.get_mut(angle).filter(|_| picture.len() == self.covered.len()) else { return };

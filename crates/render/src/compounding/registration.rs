@@ -1,33 +1,35 @@
-//! Motion of the slice between an angle's picture and the present one.
+//! Position of an angle's picture relative to the present picture, after motion of the probe.
 
 use glam::{DQuat, DVec2, DVec3};
 
 use insonify_core::pose::Pose;
 use insonify_core::transducer::Sector;
 
-/// Largest displacement at which an angle's picture is read, pixels.
+/// Largest displacement at which an angle's picture is still read, pixels.
 const FAR: f64 = 1.0e6;
 
-/// Where an angle's picture shows what the present picture's pixels show, and how far beside the slice.
+/// Map from pixels of the present picture to positions in an angle's picture, and their distance from that angle's
+/// slice.
 ///
-/// Motion is rigid. Points are projected on the angle's slice along its normal.
+/// The probe's motion is rigid. Points are projected on the angle's slice along the slice's normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Registration {
-    /// Column and row in its picture of the present picture's first pixel; whole numbers are centres of pixels.
+    /// Position (column, row) of the present picture's first pixel in the angle's picture; whole numbers are centres of
+    /// pixels.
     pub(super) origin: DVec2,
-    /// Its change by a column and by a row of the present picture.
+    /// Change of this position per column and per row of the present picture.
     pub(super) per_column: DVec2,
     pub(super) per_row: DVec2,
-    /// Distance of the first pixel from the angle's slice, and its change by a column and by a row, mm.
+    /// Distance of the present picture's first pixel from the angle's slice, and its change per column and per row, mm.
     pub(super) across_mm: [f64; 3],
 }
 
 impl Registration {
-    /// A probe at rest.
+    /// Registration of a probe at rest.
     pub(super) const IDENTITY: Self =
         Self { origin: DVec2::ZERO, per_column: DVec2::X, per_row: DVec2::Y, across_mm: [0.0; 3] };
 
-    /// From the present picture's pose to that at which an angle's was made; `None` if they are too far apart to overlap.
+    /// Registration of a picture made at the pose `made_at`; `None` if it is too far away to overlap.
     pub(super) fn new(sector: &Sector, made_at: &Pose, present: &Pose) -> Option<Self> {
         if made_at == present {
             return Some(Self::IDENTITY);
@@ -48,7 +50,7 @@ impl Registration {
             per_row: of_slice(row_mm) / sector.pixel_mm,
             across_mm: [first_mm.y, column_mm.y, row_mm.y],
         };
-        // NaN fails the comparison.
+        // A comparison with NaN is false.
         (found.origin.abs().max_element() < FAR).then_some(found)
     }
 }

@@ -17,13 +17,13 @@ fn place(pose: Pose) -> Place {
     Place::new(pose, DEPTH_MM, true)
 }
 
-/// Position (mm) and angles about the slice's normal and about the scanlines' middle (radians).
+/// Pose from a position (mm), a turn about the slice's normal, and a tilt about the lateral axis (radians).
 fn pose(position_mm: [f64; 3], turn: f64, tilt: f64) -> Pose {
     let orientation = DQuat::from_rotation_y(turn) * DQuat::from_rotation_x(tilt);
     Pose { position_mm: position_mm.into(), orientation }
 }
 
-/// A picture that shows random parts, with random levels.
+/// A picture with random levels that shows a random part of its pixels.
 fn random_angle(seed: u64, pose: Pose) -> AnglePicture {
     let pixels = u64::from(sector().width * sector().height);
     AnglePicture {
@@ -33,7 +33,7 @@ fn random_angle(seed: u64, pose: Pose) -> AnglePicture {
     }
 }
 
-/// A picture of a smooth pattern fixed in the scene.
+/// A picture of a smooth pattern that is fixed in the scene.
 fn smooth_angle(pose: Pose) -> AnglePicture {
     let sector = sector();
     let level = |i: u32| {
@@ -53,7 +53,7 @@ fn new(angles: &[AnglePicture], range_db: f64) -> Compounding {
     Compounding::new(sector(), vec![255; pixels].into(), covered, angles.len(), range_db)
 }
 
-/// The picture after the angles were added one after another.
+/// The mean after adding the angles one after another.
 fn picture(angles: &[AnglePicture], rules: Rules, range_db: f64) -> Vec<u8> {
     let mut compounding = new(angles, range_db);
     let mut mean = Vec::new();
@@ -90,11 +90,11 @@ fn a_mean_is_its_twins_at_rest() {
         let twin = |angles: &[AnglePicture]| compounded(&sector(), angles, &Pose::IDENTITY, range_db);
         for k in 0..3 {
             let mean = add(&angles, k);
-            // Where only angles that are to come show a pixel, the picture is black, as the twin's.
+            // Pixels that only later angles show are black, in the twin, too.
             let off = largest_difference(&mean, &twin(&angles[..=k]));
             assert!(off < 0.6, "{range_db} dB, {k}: {off}");
         }
-        // The same picture again changes nothing; another one replaces it, whatever the order.
+        // Adding the same picture again changes nothing; another one replaces it, in any order.
         let before = add(&angles, 0);
         assert_eq!(add(&angles, 1), before);
         angles[1].levels = random_angle(7, Pose::IDENTITY).levels;
@@ -122,7 +122,7 @@ fn without_registration_poses_do_not_matter_within_reach() {
 
 #[test]
 fn a_moved_mean_is_its_twins() {
-    // Slides and distances across the slice, where displacements of blocks are exact, up to their rounding.
+    // Translations within and across the slice: displacements of blocks are exact up to rounding.
     for last in [[0.37, 0.0, -0.91], [1.2, 0.8, 0.0], [-3.3, -1.7, 2.6]] {
         let there = pose(last, 0.0, 0.0);
         let angles = [smooth_angle(pose([0.1, 0.3, 0.2], 0.0, 0.0)), smooth_angle(Pose::IDENTITY), smooth_angle(there)];
@@ -130,7 +130,7 @@ fn a_moved_mean_is_its_twins() {
         let off = largest_difference(&picture(&angles, RULES, 60.0), &twin);
         assert!(off < 1.0, "{last:?}: {off}");
     }
-    // Turns: a block is read at the displacement of its middle.
+    // Rotations: a block is read at the displacement of its middle.
     for (turn, tilt) in [(0.05, 0.0), (-0.03, 0.02), (0.0, -0.04)] {
         let there = pose([0.4, 0.1, 0.3], turn, tilt);
         let angles = [smooth_angle(Pose::IDENTITY), smooth_angle(there)];
@@ -142,7 +142,7 @@ fn a_moved_mean_is_its_twins() {
 
 #[test]
 fn a_pattern_of_the_scene_stays_where_it_is() {
-    // Unlike the mean of the angles as they are, a registered one is the present angle, where the others show its place.
+    // A registered mean equals the present angle; a mean without registration doesn't.
     for there in [pose([1.0, 0.0, 0.0], 0.0, 0.0), pose([0.5, 0.0, -0.7], 0.04, 0.0), pose([0.0; 3], 0.06, 0.0)] {
         let angles =
             [smooth_angle(pose([-0.6, 0.0, 0.3], -0.02, 0.0)), smooth_angle(Pose::IDENTITY), smooth_angle(there)];
@@ -165,7 +165,7 @@ fn frames_from_beside_the_slice_leave_nothing() {
             assert!(level.abs_diff(angles[1].levels[i].max(1)) <= 1, "{i}");
         }
     }
-    // Beyond reach, with other contact, and so far away that no pixel overlaps.
+    // Places that must be left out: beyond the reach, with other contact, and so far away that no pixel overlaps.
     let alone = |place: Place| {
         let mut compounding = new(&angles, 60.0);
         let mut mean = angles[0].levels.clone();
@@ -188,7 +188,7 @@ fn frames_from_beside_the_slice_leave_nothing() {
 
 #[test]
 fn a_point_does_not_widen_on_a_slow_circle() {
-    // A point of the scene in a probe that goes round within the slice, as 9 angles see it for 20 frames.
+    // A point in the scene, seen by 9 angles in turn over 20 frames, while the probe circles within the slice.
     let sector = sector();
     let angle = |frame: u32| {
         let turn = std::f64::consts::TAU * f64::from(frame) / 20.0;
@@ -196,14 +196,14 @@ fn a_point_does_not_widen_on_a_slow_circle() {
         let level = |i: u32| {
             let point = sector.pixel_centre_mm(i % sector.width, i / sector.width);
             let off_mm = pose.transform_point(DVec3::new(point.x, 0.0, point.y)) - DVec3::new(0.1, 0.0, 7.0);
-            // A Gaussian of 0.35 mm sigma, in decibels over a range of 60.
+            // A Gaussian with a standard deviation of 0.35 mm, displayed over 60 dB.
             let amplitude = (-0.5 * (off_mm / 0.35).length_squared()).exp();
             (255.0 * (1.0 + 20.0 * amplitude.max(1e-9).log10() / 60.0).clamp(0.0, 1.0)).round() as u8
         };
         let pixels = sector.width * sector.height;
         AnglePicture { pose, covers: vec![true; pixels as usize], levels: (0..pixels).map(level).collect() }
     };
-    // Root of the mean squared distance from the centre, by power.
+    // RMS distance from the centroid, weighted by power.
     let width = |levels: &[u8]| {
         let power = |level: u8| if level == 0 { 0.0 } else { 10f64.powf((f64::from(level) / 255.0 - 1.0) * 6.0) };
         let points = || (0u32..).zip(levels).map(|(i, &level)| (sector.pixel_centre_mm(i % 90, i / 90), power(level)));
@@ -239,7 +239,7 @@ fn pictures_are_the_same_on_any_number_of_threads() {
 
 #[test]
 fn places_that_a_steered_angle_does_not_show_are_the_straight_angles() {
-    // The present angle shows nothing; the straight one, from far within the slice, is shown as it is.
+    // The present angle shows no pixel; the straight one, far away within the slice, is shown unregistered.
     let mut angles = [random_angle(1, pose([60.0, 0.0, 0.0], 0.0, 0.0)), random_angle(2, Pose::IDENTITY)];
     (angles[0].covers, angles[1].covers) = (vec![false; 6300], vec![true; 6300]);
     let mut compounding = new(&angles, 60.0);
@@ -249,6 +249,6 @@ fn places_that_a_steered_angle_does_not_show_are_the_straight_angles() {
     mean.clone_from(&angles[0].levels);
     compounding.add(0, place(angles[0].pose), RULES, &mut mean);
     assert_eq!(mean, straight);
-    // The angle's rules are those of its settings.
+    // The rules of these tests are those of the default settings.
     assert_eq!(Rules::of(&LookSettings::default()), RULES);
 }

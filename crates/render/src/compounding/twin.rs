@@ -1,4 +1,4 @@
-//! The mean of the pictures of all angles in f64, pixel by pixel.
+//! Mean of the pictures of all angles, in f64, pixel by pixel.
 
 use glam::{DVec2, DVec3};
 use insonify_core::pose::Pose;
@@ -6,7 +6,7 @@ use insonify_core::transducer::Sector;
 
 use crate::angle_order::ACROSS_SIGMA_MM;
 
-/// An angle's picture: its pose, the pixels that it shows, and its grey levels.
+/// An angle's picture: its pose, whether it shows each pixel, and its grey levels.
 #[derive(Debug, Clone)]
 pub(super) struct AnglePicture {
     pub(super) pose: Pose,
@@ -15,7 +15,8 @@ pub(super) struct AnglePicture {
 }
 
 impl AnglePicture {
-    /// Amplitude and weight between the pixels at a column and row; whole numbers are centres of pixels.
+    /// Weighted amplitude and weight at a position (column, row), interpolated between pixels; whole numbers are
+    /// centres of pixels.
     fn at(&self, sector: &Sector, place: DVec2, dynamic_range_db: f64) -> (f64, f64) {
         let first = place.floor();
         let (mut sum, mut weight) = (0.0, 0.0);
@@ -42,7 +43,7 @@ fn amplitude(level: u8, dynamic_range_db: f64) -> f64 {
     10f64.powf((f64::from(level) / 255.0 - 1.0) * dynamic_range_db / 20.0)
 }
 
-/// Levels 0..=255 of the mean of `angles` in a picture at `present`; 0 where no angle shows the place.
+/// Grey levels 0..=255 of the mean of `angles` at the pose `present`; 0 where no angle shows the pixel.
 pub(super) fn compounded(sector: &Sector, angles: &[AnglePicture], present: &Pose, dynamic_range_db: f64) -> Vec<f64> {
     let pixel = |i: u32| {
         let point = sector.pixel_centre_mm(i % sector.width, i / sector.width);
@@ -57,7 +58,7 @@ pub(super) fn compounded(sector: &Sector, angles: &[AnglePicture], present: &Pos
             sum += near * amplitude;
             weight += near * shown;
         }
-        // Places are rounded.
+        // The weight is 0 except for rounding.
         if weight < 1.0e-12 {
             return 0.0;
         }
