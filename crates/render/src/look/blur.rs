@@ -1,27 +1,27 @@
-//! Sums over squares of pixels within the sector.
+//! Sums over square windows of pixels, without the pixels outside the sector.
 
 use rayon::prelude::*;
 
 use insonify_core::simd::{at_least, at_most, nearest_bits, widened};
 
-/// Rows per task.
+/// Rows of the picture per task.
 const ROWS: usize = 32;
-/// Pixels whose squares are summed at once.
+/// Number of pixels whose windows are summed at once.
 pub(super) const LANES: usize = 32;
-/// A number for each of them.
+/// One number for each of [`LANES`] pixels.
 pub(super) type Lanes = [f32; LANES];
 
-/// Memory of the sums of pictures of one size.
+/// Reused memory for the sums.
 #[derive(Debug, Default)]
 pub(super) struct Blur {
-    /// The picture before it is changed.
+    /// Copy of the unchanged picture.
     source: Vec<u8>,
-    /// One for each task.
+    /// Column sums of each task.
     columns: Vec<Columns>,
 }
 
-/// Numbers, sums of levels and of squared levels of the pixels within the sector, column by column. The sum `i + half` is
-/// that of the column `i` of pixels; zeros pad both ends.
+/// For each column of pixels, over the rows of a window: number of pixels inside the sector, sum of their levels, and
+/// sum of the squared levels. Element `i + half` belongs to column `i`; zeros pad both ends.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Columns {
     counts: Vec<u16>,
@@ -30,13 +30,13 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// The mean level and the mean squared level of the squares around [`LANES`] pixels of the row
-    /// from `from` on. A square is `SIZE` wide.
+    /// Mean level and mean squared level in the windows of [`LANES`] pixels, from column `from` on. A window is `SIZE`
+    /// pixels wide.
     #[inline(always)]
     pub(super) fn means<const SIZE: usize>(&self, from: usize) -> [Lanes; 2] {
         let (mut counts, mut levels, mut squares) = ([0u16; LANES], [0u16; LANES], [0u32; LANES]);
         for offset in from..from + SIZE {
-            // Checks for overflow would keep the loops from being vectorised.
+            // Overflow checks would prevent vectorisation.
             for (sum, count) in counts.iter_mut().zip(&self.counts[offset..][..LANES]) {
                 *sum = sum.wrapping_add(*count);
             }
@@ -67,8 +67,8 @@ impl Columns {
 }
 
 impl Blur {
-    /// Calls `each(pixels of a row, its mask, columns)` for every row. A column is 2·half + 1 high, with the row in its
-    /// middle.
+    /// Calls `each(pixels of a row, their mask, column sums)` for every row. The sums are over the 2·`half` + 1 rows
+    /// around it.
     pub(super) fn rows(
         &mut self,
         width: usize,
@@ -107,7 +107,8 @@ impl Blur {
     }
 }
 
-/// Replaces each pixel of a row within the sector by `level(own level, mean level, mean squared level)` of its square.
+/// Replaces each pixel of a row inside the sector by `level(its level, mean level, mean squared level)`, with the means
+/// over its window.
 #[inline(always)]
 pub(super) fn each_chunk<const SIZE: usize>(
     columns: &Columns,
@@ -130,7 +131,7 @@ pub(super) fn each_chunk<const SIZE: usize>(
 }
 
 widened! {
-    /// Adds a row of pixels to the columns.
+    /// Adds a row of pixels to the column sums.
     fn add(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) = add_body
 }
 
@@ -148,7 +149,7 @@ fn add_body(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) {
 }
 
 widened! {
-    /// Takes a row of pixels off the columns.
+    /// Subtracts a row of pixels from the column sums.
     fn subtract(levels: &[u8], mask: &[u8], half: usize, sums: &mut Columns) = subtract_body
 }
 

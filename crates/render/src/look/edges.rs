@@ -5,10 +5,10 @@ use insonify_core::simd::widened;
 use super::Shape;
 use super::blur::{Blur, Columns, each_chunk};
 
-/// Half the width of the window, pixels.
+/// Half the width of the window around a pixel, pixels.
 pub(super) const HALF: usize = 2;
 
-/// Adds `amount` times the difference from the mean of the window around each pixel.
+/// Adds to each pixel `amount` times its difference from the mean of its window.
 pub(super) fn enhance(blur: &mut Blur, amount: f32, shape: Shape<'_>, picture: &mut [u8]) {
     blur.rows(shape.width, HALF, shape.mask, picture, |pixels, mask, columns| {
         enhance_row(amount, columns, mask, pixels)
@@ -16,7 +16,7 @@ pub(super) fn enhance(blur: &mut Blur, amount: f32, shape: Shape<'_>, picture: &
 }
 
 widened! {
-    /// A row of pixels.
+    /// Enhances one row of pixels.
     fn enhance_row(amount: f32, columns: &Columns, mask: &[u8], pixels: &mut [u8]) = enhance_row_body
 }
 

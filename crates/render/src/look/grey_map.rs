@@ -1,13 +1,13 @@
-//! Grey maps: the display's level of each level of the picture.
+//! Grey maps: tables from grey levels of the picture to grey levels of the display.
 
 use insonify_core::settings::GreyMap;
 
-/// Display levels of the levels 0..=255. Black stays black, white stays white.
+/// Display level of each picture level 0..=255. Black stays black, white stays white.
 pub fn table(map: GreyMap) -> [u8; 256] {
     std::array::from_fn(|level| (255.0 * curve(map, level as f64 / 255.0)).round() as u8)
 }
 
-/// A map as a function of 0..=1.
+/// A grey map as a function from 0..=1 to 0..=1.
 pub(super) fn curve(map: GreyMap, x: f64) -> f64 {
     let smooth = x * x * (3.0 - 2.0 * x);
     match map {

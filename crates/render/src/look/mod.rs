@@ -1,6 +1,7 @@
-//! What a scanner does to the picture after its lines: speckle reduction, edge enhancement, persistence, grey maps.
+//! Post-processing of pictures, as a scanner does it after the lines: speckle reduction, edge enhancement, persistence,
+//! grey maps.
 //!
-//! Pictures are grey levels [height × width], 0 outside the sector. A [`Look`] holds the memory of one stream of
+//! Pictures are grey levels [height × width], 0 outside the sector. A [`Look`] holds the memory for one stream of
 //! pictures. Each step has an f64 twin in `twin.rs`.
 
 mod blur;
@@ -21,7 +22,7 @@ use speckle_reduction::SpeckleReduction;
 
 use insonify_core::settings::{GreyMap, ImageSettings, LookSettings};
 
-/// Processing of a stream of pictures.
+/// Post-processing of one stream of pictures.
 #[derive(Debug, Default)]
 pub struct Look {
     speckle: SpeckleReduction,
@@ -29,30 +30,30 @@ pub struct Look {
     persistence: Persistence,
 }
 
-/// A picture and its scale.
+/// Size, mask and scale of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Width, pixels.
     pub width: usize,
-    /// Side of a pixel, mm: persistence begins anew where it changes.
+    /// Side of a pixel, mm. Persistence starts over when it changes.
     pub pixel_mm: f64,
     /// 255 inside the sector [height × width].
     pub mask: &'a [u8],
     /// Dynamic range of the grey levels, dB.
     pub dynamic_range_db: f64,
-    /// Number of independent pictures in the mean.
+    /// Number of independent pictures in the compounded mean; 1 without compounding.
     pub independent_angles: f64,
 }
 
 impl<'a> Shape<'a> {
-    /// A picture of `image`, `width` pixels wide, the mean of so many independent ones.
+    /// Shape of a picture made with the settings `image`.
     pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings, independent_angles: f64) -> Self {
         Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db, independent_angles }
     }
 }
 
 impl Look {
-    /// Whether pictures stay as they are with these settings.
+    /// Whether these settings leave pictures unchanged.
     pub fn is_plain(settings: &LookSettings) -> bool {
         settings.speckle_reduction == 0.0
             && settings.edge_enhancement == 0.0
@@ -60,7 +61,7 @@ impl Look {
             && settings.grey_map == GreyMap::Linear
     }
 
-    /// Forgets the pictures so far.
+    /// Forgets all earlier pictures.
     pub fn reset(&mut self) {
         self.persistence.reset();
     }

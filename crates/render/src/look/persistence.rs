@@ -1,4 +1,4 @@
-//! Persistence: a running mean of pictures that weighs older ones ever less.
+//! Persistence: a running mean of pictures whose weights decrease with age.
 
 use rayon::prelude::*;
 
@@ -7,12 +7,12 @@ use super::Shape;
 /// Pixels per task.
 const CHUNK: usize = 1 << 16;
 
-/// The mean so far.
+/// The running mean.
 #[derive(Debug, Default)]
 pub(super) struct Persistence {
-    /// Levels; empty before the first picture.
+    /// Levels of the mean; empty before the first picture.
     mean: Vec<f32>,
-    /// Width and side of a pixel of the pictures so far.
+    /// Width (pixels) and pixel size (mm) of the averaged pictures.
     scale: (usize, f64),
 }
 
@@ -22,8 +22,8 @@ impl Persistence {
         self.mean.clear();
     }
 
-    /// Replaces a picture by the mean: `amount` (0..1) of the mean so far, and the rest of the picture. Pictures of
-    /// another size or scale begin anew.
+    /// Replaces a picture by `amount` (0..1) times the mean plus 1 − `amount` times the picture, which becomes the new
+    /// mean. A picture of another size or pixel size starts a new mean.
     pub(super) fn apply(&mut self, amount: f32, shape: Shape<'_>, picture: &mut [u8]) {
         if amount == 0.0 {
             return self.reset();

@@ -6,26 +6,27 @@ use insonify_core::simd::{at_least, widened};
 use super::Shape;
 use super::blur::{Blur, Columns, each_chunk};
 
-/// Half the width of the window, pixels.
+/// Half the width of the window around a pixel, pixels.
 pub(super) const HALF: usize = 3;
 /// Standard deviation of fully developed speckle in log-compressed grey levels, dB (Rayleigh): 10·π/(√6·ln 10).
 pub(super) const SPECKLE_DB: f64 = 5.570_082;
 
-/// Variance of speckle in grey levels. The mean of independent pictures has that of one, divided by their number.
+/// Variance of speckle, grey levels squared: that of a single picture over the number of independent pictures in the
+/// mean.
 pub(super) fn variance_of_speckle(shape: Shape<'_>) -> f64 {
     (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0)
 }
 
-/// Memory of the filter.
+/// The filter, with its working memory.
 #[derive(Debug, Default)]
 pub(super) struct SpeckleReduction {
     blur: Blur,
 }
 
 impl SpeckleReduction {
-    /// Filters a picture. Each pixel becomes a weighted mean of itself and of its window; the weight of the window's mean
-    /// is the variance of speckle over that of the window, at most 1. `strength` 0..=1 blends the filtered picture with
-    /// the original.
+    /// Filters a picture in place. Each pixel becomes a weighted mean of its level and its window's mean. The weight of
+    /// the window's mean is the ratio of speckle variance to the window's variance, at most 1. `strength` (0..=1)
+    /// blends the filtered picture with the original.
     pub(super) fn apply(&mut self, strength: f32, shape: Shape<'_>, picture: &mut [u8]) {
         let filter = Filter { strength, variance_of_speckle: variance_of_speckle(shape) as f32 };
         self.blur.rows(shape.width, HALF, shape.mask, picture, |pixels, mask, columns| {
@@ -41,7 +42,7 @@ struct Filter {
 }
 
 widened! {
-    /// A row of pixels.
+    /// Filters one row of pixels.
     fn filter_row(filter: Filter, columns: &Columns, mask: &[u8], pixels: &mut [u8]) = filter_row_body
 }
 

@@ -1,4 +1,4 @@
-//! Each step against its twin.
+//! Compares each step of post-processing with its twin.
 
 use insonify_core::random;
 
@@ -7,7 +7,7 @@ use super::*;
 const WIDTH: usize = 61;
 const HEIGHT: usize = 47;
 
-/// Speckle with a bright half and a dark hole, and a mask with a slanted border.
+/// Grey levels and mask of a test picture: speckle with a bright and a dark half, in a sector with a slanted border.
 fn picture() -> (Vec<u8>, Vec<u8>) {
     let mask = (0..WIDTH * HEIGHT).map(|i| if i % WIDTH > i / WIDTH / 3 { 255 } else { 0 }).collect::<Vec<u8>>();
     let level = |i: usize| {
@@ -27,7 +27,7 @@ fn wide(picture: &[u8]) -> Vec<f64> {
     picture.iter().map(|&level| f64::from(level)).collect()
 }
 
-/// Largest difference.
+/// Largest difference of any pixel.
 fn off(one: &[u8], twin: &[f64]) -> f64 {
     one.iter().zip(twin).map(|(&a, b)| (f64::from(a) - b).abs()).fold(0.0, f64::max)
 }
@@ -53,7 +53,7 @@ fn each_step_is_its_twin() {
         assert!(off(&found, &twin) < 0.51, "{settings:?}: {}", off(&found, &twin));
         assert!(found != levels, "{settings:?} changes nothing");
         assert!(found.iter().zip(&mask).all(|(level, mask)| *mask == 255 || *level == 0), "outside the sector");
-        // Another strength is another picture: the twin would notice.
+        // The comparison must notice a slightly different strength.
         let weaker = LookSettings {
             speckle_reduction: 0.9 * settings.speckle_reduction,
             edge_enhancement: 0.9 * settings.edge_enhancement,
@@ -78,7 +78,7 @@ fn persistence_is_a_running_mean_that_begins_anew_with_another_size() {
         assert!(off(&found, &expected) < 0.51, "frame {frame}");
         before = Some(expected);
     }
-    // A step of the depth.
+    // A picture of another depth.
     let mut deeper = levels.clone();
     look.apply(&settings, Shape { pixel_mm: 0.3, ..shape(&mask) }, &mut deeper);
     assert_eq!(deeper, levels);
@@ -117,7 +117,7 @@ fn grey_maps_rise_from_black_to_white() {
 #[test]
 fn each_grey_map_is_its_twin_and_no_other() {
     let levels: Vec<f64> = (0..256).map(f64::from).collect();
-    // Levels of the map's formula for 32, 64, 128 and 192, by another program.
+    // Grey levels that each map's formula gives for 32, 64, 128 and 192, computed by another program.
     let maps = [
         (GreyMap::Linear, [32, 64, 128, 192]),
         (GreyMap::Soft, [48, 84, 147, 203]),
@@ -156,7 +156,7 @@ fn all_steps_follow_each_other_as_in_the_twin() {
     let mut found = next.clone();
     look.apply(&settings, shape(&mask), &mut found);
     let twin = twin::apply(&settings, shape(&mask), &wide(&next), Some(&before));
-    // Each step rounds to whole levels, and edges and map amplify that.
+    // Each step rounds to whole levels; edge enhancement and grey map amplify the rounding.
     assert!(off(&found, &twin) < 2.5, "{}", off(&found, &twin));
     assert!(off(&first, &twin) > 10.0);
 }
@@ -165,7 +165,7 @@ fn all_steps_follow_each_other_as_in_the_twin() {
 fn a_compounded_picture_keeps_more_of_its_texture() {
     let (levels, mask) = picture();
     let settings = LookSettings { speckle_reduction: 1.0, ..LookSettings::default() };
-    // Half the speckle, as of four independent angles.
+    // Half the amplitude of the speckle, as in a mean of four independent angles.
     let calm: Vec<u8> = levels.iter().map(|&level| if level == 0 { 0 } else { 64 + level / 2 }).collect();
     let change = |independent_angles: f64| {
         let mut found = calm.clone();

@@ -1,11 +1,12 @@
-//! The steps of a look in f64, pixel by pixel.
+//! The steps of post-processing in f64, pixel by pixel.
 
 use insonify_core::settings::{GreyMap, LookSettings};
 
 use super::speckle_reduction::SPECKLE_DB;
 use super::{Shape, edges, speckle_reduction};
 
-/// The picture after all steps, as levels before rounding; `before` is the output of persistence for the last picture.
+/// The picture after all steps, as grey levels before rounding. `before` is the previous output of persistence; `None`
+/// for the first picture.
 pub fn apply(settings: &LookSettings, shape: Shape<'_>, picture: &[f64], before: Option<&[f64]>) -> Vec<f64> {
     let reduced = speckle_reduction(settings.speckle_reduction, shape, picture);
     let edged = enhance(settings.edge_enhancement, shape, &reduced);
@@ -13,7 +14,7 @@ pub fn apply(settings: &LookSettings, shape: Shape<'_>, picture: &[f64], before:
     grey_map(settings.grey_map, &lasting)
 }
 
-/// Mean and variance over the part of a square within the sector.
+/// Mean and variance over the square window around pixel `at`, without pixels outside the sector.
 fn moments(shape: Shape<'_>, half: usize, picture: &[f64], at: usize) -> [f64; 2] {
     let (row, column, height) = (at / shape.width, at % shape.width, picture.len() / shape.width);
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
@@ -34,7 +35,7 @@ fn inside(shape: Shape<'_>, picture: &[f64], each: impl Fn(usize, f64) -> f64) -
     picture.iter().enumerate().map(level).collect()
 }
 
-/// Lee's filter.
+/// Lee's filter, blended with the original by `strength`.
 pub(crate) fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
     let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0);
     inside(shape, picture, |i, level| {
@@ -44,7 +45,7 @@ pub(crate) fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]
     })
 }
 
-/// The unsharp mask.
+/// The unsharp mask with strength `amount`.
 pub(crate) fn enhance(amount: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
     inside(shape, picture, |i, level| {
         let [mean, _] = moments(shape, edges::HALF, picture, i);
@@ -52,16 +53,16 @@ pub(crate) fn enhance(amount: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64
     })
 }
 
-/// The running mean after a picture.
+/// The running mean after a picture; `before` is the mean until then.
 pub(crate) fn persist(amount: f64, picture: &[f64], before: Option<&[f64]>) -> Vec<f64> {
     let before = before.unwrap_or(picture);
     picture.iter().zip(before).map(|(level, before)| amount * before + (1.0 - amount) * level).collect()
 }
 
-/// A grey map, by formulas of its own: powers as exponentials of logarithms, the S-curve as a Bézier curve.
+/// A grey map by formulas unlike those under test: powers as exponentials of logarithms, the S-curve as a Bézier curve.
 pub(crate) fn grey_map(map: GreyMap, picture: &[f64]) -> Vec<f64> {
     let power = |x: f64, exponent: f64| (exponent * x.ln()).exp();
-    // Control points 0, 0, 1, 1.
+    // Bézier curve with the control points 0, 0, 1, 1.
     let bezier = |x: f64| 3.0 * (1.0 - x) * x.powi(2) + x.powi(3);
     let display = |x: f64| match map {
         GreyMap::Linear => x,
