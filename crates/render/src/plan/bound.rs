@@ -1,59 +1,61 @@
-//! Error bounds of frames without an effect, against frames with it.
+//! Error bounds of frames rendered without an effect, relative to frames with it.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// Largest change for which an effect may be left out, grey levels of 255.
+/// Largest change of any pixel for which an effect may be left out, grey levels of 255.
 pub const GREY_ALLOWED: f64 = 0.5;
 
-/// Bound on the change of a frame without an effect, in any pose.
+/// Bound on how much a frame changes if an effect is left out, in any pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Bound {
-    /// Rounding of f32 only. It may choose another cell if a scanline runs in a face of the scatterer lattice.
+    /// The frame is the same except for rounding in f32. Rounding may choose another cell if a scanline runs within a
+    /// face of the scatterer lattice.
     Exact,
-    /// The scene does not call for the effect; it is simulated only if the station requests it.
+    /// No bound is needed: the scene does not call for the effect, which is simulated only if the station requests it.
     OnRequest,
-    /// Level of any pixel. If media of different loss meet, speckle nulls 26 dB below the mean are excepted.
+    /// Bound on the level of any pixel. If media of different loss meet, it excludes speckle nulls 26 dB below the
+    /// mean.
     Level {
         /// Largest change of a level, dB.
         db: f64,
-        /// The same, grey levels of 255.
+        /// The same change in grey levels of 255.
         grey: f64,
     },
-    /// Lateral shift of each sample's lookup position, within a scanline's share of the sector. It bounds the shift of
-    /// edges.
+    /// Bound on the lateral shift of the position at which a sample looks its medium up, within a scanline's share of
+    /// the sector. It bounds the shift of edges.
     Aside {
-        /// Shift, mm.
+        /// Largest shift, mm.
         mm: f64,
-        /// Tolerance, mm: half a pixel or a quarter of the lateral beam's σ, whichever is larger.
+        /// Largest invisible shift, mm: half a pixel or a quarter of the lateral beam's σ, whichever is larger.
         allowed_mm: f64,
     },
-    /// Displacement of the anatomy.
+    /// Bound on the displacement of the anatomy.
     Displacement {
         /// Largest displacement, mm.
         mm: f64,
     },
     /// No bound: part of the image is missing.
     None {
-        /// Content missing from a frame without the effect.
+        /// What a frame without the effect lacks.
         lacks: String,
     },
 }
 
 impl Bound {
-    /// A change of level, dB, on a display of `dynamic_range_db`.
+    /// Bound from a change of level in dB, on a display of `dynamic_range_db`.
     pub(super) fn level(db: f64, dynamic_range_db: f64) -> Self {
         Self::Level { db, grey: db * 255.0 / dynamic_range_db }
     }
 
-    /// No bound.
+    /// No bound: the frame lacks `lacks`.
     pub(super) fn none(lacks: impl Into<String>) -> Self {
         Self::None { lacks: lacks.into() }
     }
 
-    /// Whether an effect of this bound may be left out.
+    /// Whether an effect with this bound may be left out.
     pub(super) fn negligible(&self) -> bool {
         match self {
             Self::Exact | Self::OnRequest => true,

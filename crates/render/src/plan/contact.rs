@@ -1,4 +1,4 @@
-//! Rules for the contact with the skin, and for what the receiver adds.
+//! Rules for contact with the skin, and for what the receiver adds.
 
 use insonify_core::acoustics::decibel::db_from_amplitude;
 
@@ -7,7 +7,8 @@ use super::rules::{Finding, Rules, finding};
 use crate::receiver::CLUTTER_DB_CM;
 
 impl Rules<'_> {
-    /// A body lies in air. In a scene without skin the background conducts: a water bath, a phantom.
+    /// Called for by scenes with skin: a body lies in air. Without skin the background conducts: a water bath, a
+    /// phantom.
     pub(super) fn contact(&self) -> Finding {
         if !self.facts.skin {
             return finding("no surface is skin: what lies outside conducts", Bound::OnRequest);
@@ -25,7 +26,8 @@ impl Rules<'_> {
         self.added("noise", self.settings.receiver.noise_db, 0.0)
     }
 
-    /// Rule for an addition of the receiver to the lines of a body: left out if no display shows it.
+    /// Rule for `what` the receiver adds to the lines. It is called for in scenes with skin, if a display can show it.
+    /// The addition has `level_db` at the face and falls by `fall_db_cm`.
     fn added(&self, what: &str, level_db: f64, fall_db_cm: f64) -> Finding {
         if !self.facts.skin {
             return finding(format!("no surface is skin: a specimen is shown without {what}"), Bound::OnRequest);
@@ -44,10 +46,11 @@ impl Rules<'_> {
         finding(reason, bound)
     }
 
-    /// Greatest displayed level of a signal that begins at `level_db` at the face and falls with depth, dB.
+    /// Highest level on the display, at any depth, of a signal with `level_db` at the face that falls by `fall_db_cm`,
+    /// dB.
     fn loudest_db(&self, level_db: f64, fall_db_cm: f64) -> f64 {
         let image = &self.settings.image;
-        // Linear between the sliders, so the maximum is at one of them.
+        // The level is linear between the sliders, so its maximum is at one of them.
         let at = |(i, slider_db): (usize, &f64)| {
             let depth_cm = 0.1 * self.probe.depth_mm * i as f64 / 7.0;
             level_db + image.gain_db + slider_db + (image.tgc_db_per_cm - fall_db_cm) * depth_cm

@@ -2,7 +2,7 @@
 
 use insonify_core::anatomy::{Scene, Tissue};
 
-/// A medium that a path may be in.
+/// A medium that paths may enter: a tissue and its name.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Medium {
     pub(super) name: String,
@@ -10,7 +10,8 @@ pub(super) struct Medium {
 }
 
 impl Medium {
-    /// Speed (m/s) and impedance (MRayl) in f32. Media that agree in both neither echo nor refract where they meet.
+    /// Speed (m/s) and impedance (MRayl), rounded to f32. An interface of media that agree in both neither echoes nor
+    /// refracts.
     pub(super) fn acoustic(&self) -> (f32, f32) {
         (self.tissue.speed_m_s as f32, self.tissue.impedance_mrayl() as f32)
     }
@@ -25,15 +26,15 @@ impl Medium {
 /// overlap, move and be open, so only tracing would show which do.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SceneFacts {
-    /// Tissues of the surfaces that have triangles, and the background.
+    /// Tissues of the surfaces that have triangles, the background, and the air around a body.
     pub(super) media: Vec<Medium>,
-    /// Surfaces that move.
+    /// Names of the surfaces that move.
     pub(super) moving: Vec<String>,
     /// Whether the whole scene drifts.
     pub(super) drifts: bool,
-    /// Whether a surface is skin, so that the scene is a body in air.
+    /// Whether a surface is skin, which makes the scene a body in air.
     pub(super) skin: bool,
-    /// The air around a body.
+    /// The tissue `air`; `None` if the scene's table lacks it.
     air: Option<Medium>,
 }
 
@@ -62,19 +63,19 @@ impl SceneFacts {
         }
     }
 
-    /// The same scene in air.
+    /// These facts with air among the media.
     pub(super) fn in_air(&self) -> Self {
         let mut facts = self.clone();
         facts.media.extend(self.air.clone().filter(|air| !self.media.contains(air)));
         facts
     }
 
-    /// Every two media.
+    /// All pairs of different media.
     pub(super) fn pairs(&self) -> impl Iterator<Item = (&Medium, &Medium)> {
         self.media.iter().enumerate().flat_map(|(i, a)| self.media[i + 1..].iter().map(move |b| (a, b)))
     }
 
-    /// The slowest and the fastest medium; none without media.
+    /// The slowest and the fastest medium; `None` if there are no media.
     pub(super) fn speeds(&self) -> Option<(&Medium, &Medium)> {
         let by = |a: &&Medium, b: &&Medium| a.tissue.speed_m_s.total_cmp(&b.tissue.speed_m_s);
         Some((self.media.iter().min_by(by)?, self.media.iter().max_by(by)?))

@@ -1,4 +1,4 @@
-//! Rules for the loss along the path.
+//! Rules for the loss along a path.
 
 use insonify_core::acoustics::decibel::db_from_amplitude;
 use insonify_core::settings::{Choice, Effect};
@@ -7,10 +7,11 @@ use super::bound::{Bound, GREY_ALLOWED};
 use super::facts::Medium;
 use super::rules::{Finding, Rules, decided, finding, most};
 
-/// Amplitude of the weakest speckle that a bound covers, over the RMS: 0.25 % of samples are weaker.
+/// Amplitude, relative to the RMS, of the weakest speckle that a bound includes: 0.25 % of samples are weaker.
 const NULL_AMPLITUDE: f64 = 0.05;
 impl Rules<'_> {
-    /// Least loss per mm of range that frames may have, dB: attenuation is decided after the echoes.
+    /// Least two-way loss that a frame may have in a medium, dB per mm of range. The echoes' rule needs it before
+    /// attenuation is decided.
     pub(super) fn least_loss_db_mm(&self, medium: &Medium) -> f64 {
         let choice = self.settings.effects.of(Effect::Attenuation);
         if !decided(choice, !self.attenuation().bound.negligible()) {
@@ -24,7 +25,7 @@ impl Rules<'_> {
         }
     }
 
-    /// Two-way loss per mm of range, dB.
+    /// Two-way loss in a medium, dB per mm of range.
     pub(super) fn loss_db_mm(&self, medium: &Medium) -> f64 {
         let forced_off = self.settings.effects.of(Effect::FrequencyExponent) == Choice::Off;
         let exponent = if forced_off { 1.0 } else { medium.tissue.attenuation_exponent };
@@ -36,8 +37,9 @@ impl Rules<'_> {
         self.probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * self.speed_ratio(medium)
     }
 
-    /// Largest loss over the depth (dB), its medium, and the bound of that loss; None if no medium has any. `of` is a
-    /// medium's loss per mm of range. `map_db_mm` is its two-way loss per mm of path, as in the attenuation map.
+    /// Error bound of frames without the loss `of`, with its largest value over the image's depth (dB) and that medium;
+    /// `None` if no medium has any. `of` is in dB per mm of range. `map_db_mm` is the same two-way loss per mm of path,
+    /// as in the attenuation map.
     fn loss_bound(
         &self,
         of: impl Fn(&Medium) -> f64,
@@ -49,11 +51,11 @@ impl Rules<'_> {
             return Some((db, medium, Bound::none("the loss in lines.npy")));
         }
         let one_loss = self.facts.media.windows(2).all(|pair| of(&pair[0]) as f32 == of(&pair[1]) as f32);
-        // Echoes that cancel in a speckle null no longer do so if their losses differ.
+        // In a speckle null, echoes cancel; if their losses differ, they no longer do.
         let level_db =
             if one_loss { db } else { db_from_amplitude(1.0 + (10f64.powf(db / 20.0) - 1.0) / NULL_AMPLITUDE) };
         let bound = Bound::level(level_db, self.settings.image.dynamic_range_db);
-        // One way, and as much again by the percentile that the map is divided by. Any frame may need its maps.
+        // One way, and as much again by the percentile that divides the map. Any frame may need its maps.
         let map_db = self.facts.media.iter().map(map_db_mm).fold(0.0, f64::max) * self.probe.depth_mm;
         let map_off = 1.0 - 10f64.powf(-map_db / 20.0);
         if bound.negligible() && map_off > GREY_ALLOWED / 255.0 {
@@ -79,7 +81,7 @@ impl Rules<'_> {
         if frequency_mhz == 1.0 {
             return finding("every power of 1 MHz is 1", Bound::Exact);
         }
-        // Error of a loss proportional to the frequency.
+        // Difference of a medium's loss from one proportional to the frequency, dB per mm of range.
         let off = |m: &Medium| {
             let of = |exponent| self.loss_by_exponent_db_mm(m, exponent);
             (of(m.tissue.attenuation_exponent) - of(1.0)).abs()

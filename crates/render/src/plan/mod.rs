@@ -1,6 +1,6 @@
 //! The effect plan: the effects that a scene calls for, with reasons, decided before anything is compiled.
 //!
-//! An effect is left out only if the change of a frame has a small bound in every pose of the probe: see [`Bound`].
+//! An effect is left out only if frames without it change by a small amount in every pose of the probe: see [`Bound`].
 
 mod bound;
 mod contact;
@@ -22,39 +22,39 @@ use insonify_core::settings::{Choice, Effect, EffectSet};
 use insonify_core::transducer::Probe;
 use rules::{Rules, decided};
 
-/// Whether one effect is simulated, and why.
+/// Decision whether an effect is simulated, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Decision {
     /// The effect.
     pub effect: Effect,
-    /// Whether it is simulated.
+    /// Whether the effect is simulated.
     pub on: bool,
-    /// Whether the scene calls for it.
+    /// Whether the scene calls for the effect.
     pub called_for: bool,
-    /// Choice in the station file.
+    /// The station's choice for the effect.
     pub choice: Choice,
     /// Reason for `called_for`, with the numbers that decided it.
     pub reason: String,
-    /// Largest error of a frame without it, in any pose.
+    /// Bound on the error of frames without the effect, in any pose.
     pub bound: Bound,
 }
 
 impl Decision {
-    /// Notice for a user whose tissues have a texture that is shown only on request.
+    /// Notice for the user that tissues have a texture which is shown only on request; `None` for other decisions.
     pub fn notice(&self) -> Option<String> {
         let Self { effect, reason, .. } = self;
         let waits = *effect == Effect::Texture && self.choice == Choice::Auto && self.bound == Bound::OnRequest;
         waits.then(|| format!("{effect} is left out: {reason}; [effects] {effect} = \"on\" shows it"))
     }
 
-    /// Warning for a user who switches off an effect that the scene calls for.
+    /// Warning for the user that an effect is off though the scene calls for it; `None` for other decisions.
     pub fn warning(&self) -> Option<String> {
         let against = self.called_for && !self.on;
         against.then(|| format!("{} is off though {} (bound without it: {})", self.effect, self.reason, self.bound))
     }
 }
 
-/// Effects that a frame is rendered with.
+/// Decisions on all effects for one scene, probe and settings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct EffectPlan {
@@ -62,13 +62,13 @@ pub struct EffectPlan {
 }
 
 impl EffectPlan {
-    /// The plan of a scene, a probe and settings.
+    /// Makes the plan for a scene, a probe and settings.
     pub fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Self {
         Self::of(&SceneFacts::new(scene), probe, settings)
     }
 
     pub(crate) fn of(facts: &SceneFacts, probe: &Probe, settings: &RenderSettings) -> Self {
-        // Air is a medium that paths may meet wherever contact is simulated.
+        // With contact simulated, paths may meet air, even in a scene without skin.
         let in_air = (settings.effects.of(Effect::Contact) == Choice::On && !facts.skin).then(|| facts.in_air());
         let facts = in_air.as_ref().unwrap_or(facts);
         let mut rules = Rules { facts, probe, settings, on: EffectSet::default() };
@@ -100,17 +100,17 @@ impl EffectPlan {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect).collect()
     }
 
-    /// Notices of [`Decision::notice`].
+    /// Notices for the user, see [`Decision::notice`].
     pub fn notices(&self) -> impl Iterator<Item = String> {
         self.decisions.iter().filter_map(Decision::notice)
     }
 
-    /// Warnings about effects that are off against the plan, one line each.
+    /// Warnings for the user, see [`Decision::warning`]; one line each.
     pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
         self.decisions.iter().filter_map(Decision::warning)
     }
 
-    /// Settings of frames: one ray or one layer if more would not change the frame.
+    /// Settings to render with: `asked`, with one ray or one layer where more would not change the frame.
     pub fn settings(&self, asked: &RenderSettings) -> RenderSettings {
         let mut settings = *asked;
         if !self.has(Effect::Rays) {

@@ -1,4 +1,4 @@
-//! Rule for speckle across the slice.
+//! Rules for the texture of tissues, and for speckle across the slice.
 
 use insonify_core::settings::Effect;
 
@@ -25,7 +25,7 @@ impl Rules<'_> {
         }
     }
 
-    /// Called for wherever speckle exists: a frame of a pose is the same frame in a session, a still and a data set.
+    /// Called for wherever there is speckle, so that a pose gives the same frame in a session, a still and a data set.
     pub(super) fn elevational_speckle(&self) -> Finding {
         if !self.on.has(Effect::Scatterers) {
             return finding("nothing scatters", Bound::Exact);

@@ -1,4 +1,4 @@
-//! Rules of interfaces: their echoes, and the paths that reflect.
+//! Rules for interfaces: their echoes, and paths that reflect.
 
 use insonify_core::acoustics::decibel::db_from_amplitude;
 use insonify_core::settings::Effect;
@@ -9,7 +9,7 @@ use crate::plan::bound::Bound;
 use crate::plan::facts::Medium;
 
 impl Rules<'_> {
-    /// Largest pressure reflection of any interface at any angle, and its media.
+    /// Largest pressure reflection of any interface at any angle, and its two media; `None` if no interface acts.
     pub(super) fn strongest(&self) -> Option<(f64, (&Medium, &Medium))> {
         most(self.acting(), |(a, b)| pressure_reflection(a, b))
     }
@@ -18,12 +18,12 @@ impl Rules<'_> {
         let Some((r, (a, b))) = self.strongest() else {
             return finding(self.silent(), Bound::Exact);
         };
-        // Every echo of every path in one pulse, all in phase.
+        // The worst case: every echo of every path falls into one pulse, all in phase.
         let paths = f64::from(self.settings.quality.rays * self.settings.quality.layers).sqrt();
         let amplitude = r * RETURNING_MAX * f64::from(SEGMENTS) * paths;
         let (gain_db, range_db) = (self.best_gain_db(), self.settings.image.dynamic_range_db);
         let above_black_db = db_from_amplitude(amplitude) + gain_db + range_db;
-        // The most that an echo so far below black adds to a visible level.
+        // The most that an echo so far below black can add to a visible level.
         let bound = Bound::level(db_from_amplitude(1.0 + 10f64.powf(above_black_db / 20.0)), range_db);
         if bound.negligible() && !self.settings.lines {
             let reason = format!(
@@ -49,12 +49,12 @@ impl Rules<'_> {
         finding(reason, lacks)
     }
 
-    /// Largest net gain at any depth, dB: gain, TGC and sliders minus the least attenuation.
+    /// Largest net gain at any depth, dB: image gain, TGC and sliders, minus the least attenuation.
     fn best_gain_db(&self) -> f64 {
         let image = &self.settings.image;
         let least = self.facts.media.iter().map(|m| self.least_loss_db_mm(m)).fold(f64::INFINITY, f64::min);
         let loss_db_mm = if least.is_finite() { least } else { 0.0 };
-        // Linear between the sliders, so the maximum is at one of them.
+        // The gain is linear between the sliders, so its maximum is at one of them.
         let at = |(i, slider_db): (usize, &f64)| {
             let depth_mm = self.probe.depth_mm * i as f64 / 7.0;
             image.gain_db + slider_db + (image.tgc_db_per_cm / 10.0 - loss_db_mm) * depth_mm
@@ -63,7 +63,7 @@ impl Rules<'_> {
     }
 
     pub(super) fn roughness(&self) -> Finding {
-        // Roughness weakens reflections, so those of smooth faces decide.
+        // Roughness weakens reflections, so smooth interfaces decide whether there are any.
         let reflects = !self.reflections_of(|_, _| 0.0).bound.negligible();
         if !self.on.has(Effect::InterfaceEchoes) && !decided(self.settings.effects.of(Effect::Reflections), reflects) {
             return finding("no interface echoes or reflects", Bound::Exact);
@@ -87,10 +87,11 @@ impl Rules<'_> {
                 let thicker = if a.tissue.thickness_mm < mm { b } else { a };
                 let reason = format!("faces of {} are {mm} mm thick", thicker.name);
                 if self.settings.quality.rays * self.settings.quality.layers > 1 {
-                    // Paths add in power on a thick face, in amplitude on a thin one.
+                    // Paths add in power at a thick interface, in amplitude at a thin one.
                     return finding(reason, Bound::none("grain and place of thick faces"));
                 }
-                // Half of it to either side of the face, at the speed of the slowest medium if below the image's scale.
+                // Echoes lie within half the thickness to either side. In media slower than the assumed speed, that is
+                // more range.
                 let slowest = self.facts.speeds().map_or(1.0, |(slow, _)| self.speed_ratio(slow));
                 finding(reason, Bound::Displacement { mm: 0.5 * mm / slowest.min(1.0) })
             }
@@ -103,7 +104,7 @@ impl Rules<'_> {
         self.reflections_of(|a, b| if rough { a.tissue.roughness.max(b.tissue.roughness) } else { 0.0 })
     }
 
-    /// The rule of reflections, with the roughness of each interface from `roughness`.
+    /// Rule for reflections, where `roughness` gives the roughness of an interface.
     fn reflections_of(&self, roughness: impl Fn(&Medium, &Medium) -> f64) -> Finding {
         let reflections_max = self.settings.reflections_max;
         if let Some((slow, fast)) = self.two_speeds() {
@@ -114,7 +115,7 @@ impl Rules<'_> {
             );
             return finding(reason, Bound::none("mirror images and reverberation"));
         }
-        // Equal speeds: R is the same at every angle. The aperture accepts the most at the face.
+        // With equal speeds, the reflection is the same at every angle. The accepted angle is widest near the face.
         let aperture = (0.25 * self.probe.aperture_mm).clamp(0.06, 0.5).powi(2);
         let returned = |&(a, b): &(_, _)| {
             let rough = roughness(a, b);
@@ -122,7 +123,7 @@ impl Rules<'_> {
         };
         match most(self.acting(), returned) {
             None => finding(self.silent(), Bound::Exact),
-            // A tolerance of 1 %, so that rounding doesn't decide.
+            // A tolerance of 1 % keeps rounding from deciding.
             Some((most, (a, b))) if most >= 0.99 * REFLECTION_FOLLOWED => {
                 let percent = 100.0 * most;
                 let (a, b) = (&a.name, &b.name);

@@ -1,4 +1,4 @@
-//! Rules: whether a scene calls for an effect, and the error of a frame without it. All hold for any pose of the probe.
+//! Rules that decide whether a scene calls for an effect, and how wrong a frame without it is. They hold for any pose.
 
 mod interfaces;
 
@@ -14,16 +14,16 @@ use crate::aperture::ApertureTables;
 use crate::elevation::elevations;
 use interfaces::pressure_reflection;
 
-/// Invisible lateral shift of an edge, fraction of the lateral beam's σ.
+/// Largest invisible lateral shift of an edge, as a fraction of the lateral beam's σ.
 const ASIDE_OF_BEAM: f64 = 0.25;
 
-/// Largest ratio of returned pressure to reflected pressure, with lobe and diffuse floor together.
+/// Largest ratio of returned to reflected pressure, for the lobe and the diffuse part together.
 const RETURNING_MAX: f64 = 1.01;
 
-/// Thickness of an obstacle in reasons, mm.
+/// Thickness of the obstacles that reasons quote, mm.
 const SHADOWED_MM: f64 = 3.0;
 
-/// Why a probe has no aperture.
+/// Reason why the effect `aperture` is not simulated for a probe.
 const NO_APERTURE: &str = "not simulated for phased arrays, whose beams leave one place, and for very wide faces";
 
 /// Result of a rule: the reason, and the error bound of a frame without the effect.
@@ -41,12 +41,12 @@ pub(super) struct Rules<'a> {
     pub(super) facts: &'a SceneFacts,
     pub(super) probe: &'a Probe,
     pub(super) settings: &'a RenderSettings,
-    /// Effects decided on so far.
+    /// Effects that are already decided to be on.
     pub(super) on: EffectSet,
 }
 
 impl Rules<'_> {
-    /// The rule of `effect`; those before it in [`Effect::ALL`] are decided.
+    /// Applies the rule of `effect`. Effects before it in [`Effect::ALL`] must be decided.
     pub(super) fn of(&self, effect: Effect) -> Finding {
         match effect {
             Effect::Refraction => self.refraction(),
@@ -71,18 +71,18 @@ impl Rules<'_> {
         }
     }
 
-    /// Whether the probe lets an effect be simulated.
+    /// Whether `effect` can be simulated for this probe.
     pub(super) fn possible(&self, effect: Effect) -> bool {
         effect != Effect::Aperture || ApertureTables::possible(self.probe)
     }
 
-    /// The slowest and the fastest medium, if their speeds differ. Any difference counts: at grazing incidence it
-    /// reflects totally.
+    /// The slowest and the fastest medium; `None` if all speeds are equal. Any difference counts: at grazing incidence
+    /// it causes total reflection.
     fn two_speeds(&self) -> Option<(&Medium, &Medium)> {
         self.facts.speeds().filter(|(slow, fast)| slow.acoustic().0 != fast.acoustic().0)
     }
 
-    /// Pairs of media that echo, bend or reflect where they meet.
+    /// Pairs of media whose interfaces echo, bend or reflect.
     fn acting(&self) -> impl Iterator<Item = (&Medium, &Medium)> {
         self.facts.pairs().filter(|(a, b)| a.acoustic() != b.acoustic())
     }
@@ -125,7 +125,7 @@ impl Rules<'_> {
         finding(format!("{}, the image's scale is of 1540 m/s", speed(medium)), Bound::Displacement { mm })
     }
 
-    /// Length of path per mm of range in a medium; 1 without displacement by speed.
+    /// Length of path per mm of range in a medium; 1 without the effect `speed_displacement`.
     pub(super) fn speed_ratio(&self, medium: &Medium) -> f64 {
         if self.on.has(Effect::SpeedDisplacement) { medium.tissue.speed_m_s / ASSUMED_SPEED_M_S } else { 1.0 }
     }
@@ -155,8 +155,9 @@ impl Rules<'_> {
                 Bound::none("blur across the slice"),
             );
         }
-        // Without chance, and with scatterers on the scanline's axis, rays differ only in where they cross edges: by up
-        // to half a share to either side. Paths in fast media reach beyond the depth, where shares are wider.
+        // Without random choices, and with scatterers on the scanline's axis, rays differ only in where they cross
+        // edges: by up to half a scanline's share. In fast media paths go deeper than the image, where shares are
+        // wider.
         let ratio = self.facts.media.iter().map(|m| self.speed_ratio(m)).fold(1.0, f64::max);
         let half_share_mm = 0.5 * self.probe.line_spacing_mm(self.probe.depth_mm * ratio);
         let bound = if self.one_medium() {
@@ -170,7 +171,8 @@ impl Rules<'_> {
         finding("no interface echoes, bends or reflects: one path a scanline", bound)
     }
 
-    /// Largest invisible lateral shift of an edge, mm: half a pixel, or a fraction of the narrowest beam width.
+    /// Largest invisible lateral shift of an edge, mm: half a pixel, or [`ASIDE_OF_BEAM`] of the narrowest σ, if
+    /// larger.
     fn aside_allowed_mm(&self) -> f64 {
         let image = &self.settings.image;
         let focus_mm = self.probe.focus_mm.min(self.probe.depth_mm);
@@ -195,7 +197,7 @@ impl Rules<'_> {
             return finding("the settings ask for one", Bound::Exact);
         }
         if self.one_medium() {
-            // Oblique layers lose more on their longer paths.
+            // Oblique layers have longer paths, which lose more.
             let longer = elevations(self.probe, self.settings.quality.rays, asked, 1)
                 .iter()
                 .map(|&[.., stretch, _]| f64::from(stretch) - 1.0)
@@ -277,7 +279,7 @@ impl Rules<'_> {
     }
 }
 
-/// The greatest value of the items, and its item.
+/// The greatest `value` of any item, and that item; `None` if there are no items.
 pub(super) fn most<T>(items: impl Iterator<Item = T>, value: impl Fn(&T) -> f64) -> Option<(f64, T)> {
     items.map(|item| (value(&item), item)).max_by(|a, b| a.0.total_cmp(&b.0))
 }
@@ -287,7 +289,7 @@ fn critical_deg(slow: &Medium, fast: &Medium) -> f64 {
     (slow.tissue.speed_m_s / fast.tissue.speed_m_s).asin().to_degrees()
 }
 
-/// Whether an effect is on, from the user's choice and the scene's need.
+/// Whether an effect is on, by the user's choice or else by the scene's need.
 pub(super) fn decided(choice: Choice, called_for: bool) -> bool {
     match choice {
         Choice::Auto => called_for,
