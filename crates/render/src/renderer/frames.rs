@@ -1,4 +1,4 @@
-//! Frames of a renderer: submitted, received, at once, or as a live session makes them.
+//! Rendering of single frames and sequences: submission, reception, snapshots.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -16,22 +16,22 @@ use crate::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
 use crate::receiver::noise_seed;
 use crate::snapshot::Snapshot;
 
-/// A frame that was submitted and not received.
+/// A frame that was submitted and not yet received.
 #[derive(Debug)]
 pub(super) struct InFlight {
-    /// Mask of the settings that it was submitted with.
+    /// Sector mask of the settings at submission.
     mask: Arc<[u8]>,
     scan: ScanGeometry,
     contact: Option<Contact>,
     angle: usize,
     place: Place,
-    /// [`Renderer::generation`] at its submission.
+    /// [`Renderer::generation`] at submission.
     generation: u64,
     motion_ms: f64,
     started: Instant,
 }
 
-/// A probe in the scene.
+/// A probe in the scene, at its pose after contact has moved it onto the skin.
 #[derive(Debug)]
 pub(super) struct Placed {
     pose: Pose,
@@ -40,7 +40,7 @@ pub(super) struct Placed {
 }
 
 impl Renderer {
-    /// Renders one frame and waits for it. A compounded one takes all angles.
+    /// Renders one frame and waits for it. With compounding, it renders all steering angles.
     ///
     /// # Errors
     /// A device that fails, or frames that are still in flight.
@@ -54,7 +54,7 @@ impl Renderer {
         let (mut times, mut overflows) = (FrameTimes::default(), 0u32);
         let placed = self.touch(pose);
         for angle in 1..=angles {
-            // The last angle is straight: its maps and lines are the frame's.
+            // The last angle is straight: the frame gets its maps and lines.
             self.active.settings.maps = maps && angle == angles;
             let rendered = self.submit_angle(&placed, angle - 1).and_then(|()| self.receive(frame));
             self.active.settings.maps = maps;
@@ -70,8 +70,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders `poses` in order, two in flight. `each` receives every frame with its index. `before` runs before each
-    /// submission, may wait, and returns the scene's time, s.
+    /// Renders `poses` in order, with two frames in flight. `each` receives every frame and its index. `before` is
+    /// called with the index before each submission, may wait, and returns the scene's time, s.
     ///
     /// # Errors
     /// As [`Renderer::submit`] and [`Renderer::receive`], or an error of `each`.
@@ -100,8 +100,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders frames at these times (s) and poses one after another, as a live session does, from a new compounded picture on.
-    /// `frame` is the last.
+    /// Renders frames at the times (s) and poses of `way`, one after another as in a live session. Compounding starts
+    /// over. `frame` is the last one.
     ///
     /// # Errors
     /// As [`Renderer::submit`] and [`Renderer::receive`].
@@ -119,11 +119,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// Places the probe on the skin, if it is within the tolerance and contact is simulated.
+    /// Moves a probe near the skin onto it, and computes the contact. Without the effect `contact`, the pose is
+    /// unchanged.
     pub(super) fn touch(&self, pose: &Pose) -> Placed {
         let active = &self.active;
         let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
-        // The whole scene drifts, its skin included.
+        // The skin drifts with the whole scene.
         let drift_mm = self.bvh.drift_mm();
         let at_rest = Pose { position_mm: pose.position_mm - drift_mm, ..*pose };
         let touched = skin.map(|skin| touch(skin, &active.probe, &at_rest, &active.settings.contact));
@@ -135,23 +136,24 @@ impl Renderer {
         Placed { pose, contact, place: Place::new(at_rest, active.probe.depth_mm, coupled) }
     }
 
-    /// Sets the pose and steers the scanlines.
+    /// Sets the uniforms of a frame: pose, steering angle and seed of the noise.
     pub(super) fn aim(&mut self, placed: &Placed, angle: usize) {
         let active = &mut self.active;
         active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
         active.params.set_angle(&active.tables, angle);
-        // Each angle has its own noise; the straight one, the last, that of a frame without compounding.
+        // Each angle has its own noise. The straight angle, the last one, has that of a frame without compounding.
         let before_last = active.tables.angles.len().saturating_sub(1 + angle);
         active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
     }
 
-    /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles
-    /// from which the probe has moved by no more than `look.reach_mm`; `look.registration` brings them to its pose. At most
-    /// [`FRAMES_IN_FLIGHT`] may wait to be received.
-    /// The host makes it within this call.
+    /// Starts a frame. At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host renders it within this call.
+    ///
+    /// With compounding, the frame renders the next steering angle, and its picture is the mean of the latest pictures
+    /// of all angles. Those from which the probe has moved by more than `look.reach_mm` are left out. With
+    /// `look.registration`, pictures are resampled at the frame's pose.
     ///
     /// # Errors
-    /// A full ring, or a device that fails.
+    /// Too many frames in flight, or a device that fails.
     pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
         if self.in_flight.len() >= FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
@@ -161,7 +163,7 @@ impl Renderer {
         self.submit_angle(&placed, angle)
     }
 
-    /// Starts a frame of one angle.
+    /// Starts a frame with the steering angle of index `angle`.
     fn submit_angle(&mut self, placed: &Placed, angle: usize) -> Result<(), RenderError> {
         if self.in_flight.len() >= FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
@@ -176,14 +178,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Parts of the next frame.
+    /// Whether the next frame has an image and maps.
     pub(super) fn contents(&self) -> Contents {
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         Contents { image: self.image || !maps || settings.lines, maps }
     }
 
-    /// What is known of a frame before it is received.
+    /// The record of a frame to be submitted.
     pub(super) fn waiting(&mut self, placed: &Placed, angle: usize, started: Instant) -> InFlight {
         InFlight {
             mask: self.active.tables.mask.clone(),
@@ -200,7 +202,7 @@ impl Renderer {
     /// Waits for the oldest frame in flight and copies it into `frame`.
     ///
     /// # Errors
-    /// An empty ring, or a device that fails.
+    /// No frame in flight, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
         let InFlight { mask, scan, contact, angle, place, generation, motion_ms, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
@@ -225,7 +227,7 @@ impl Renderer {
         self.snapshot_of_angle(pose, self.active.tables.angles.len().saturating_sub(1))
     }
 
-    /// [`Renderer::snapshot`] of one angle of a compounded picture; the last one is not steered.
+    /// [`Renderer::snapshot`] of the steering angle with index `angle`; the last one is straight.
     ///
     /// # Errors
     /// As [`Renderer::snapshot`].

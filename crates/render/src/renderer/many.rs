@@ -1,4 +1,4 @@
-//! Many frames of a scene, several at once.
+//! Rendering of many independent frames of a scene, several at once.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
@@ -16,7 +16,7 @@ use crate::frame::{FRAMES_IN_FLIGHT, Frame};
 use crate::kept::Kept;
 use crate::shared_tables::SharedTables;
 
-/// A frame of many.
+/// One of many frames to render.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Job {
     /// Pose of the probe.
@@ -28,17 +28,19 @@ pub struct Job {
 }
 
 impl Renderer {
-    /// Renders `jobs`, each as [`Renderer::set_time_s`] and [`Renderer::render`] do with its seed: the same frame, bit for bit on the host and
-    /// in software; a GPU that makes several at once may round otherwise. `each` receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
+    /// Renders `jobs` as [`Renderer::set_time_s`] and [`Renderer::render`] would with each job's seed. Frames are
+    /// identical bit for bit on the host and in software; a GPU that makes several at once may round differently.
+    /// `each` receives every frame with its job's index, in order, and may take the frame's memory.
     ///
-    /// The host renders several frames at once, as many as it has threads, up to eight. Each has its share of the threads, buffers and,
-    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. If one
-    /// frame underuses the device, consecutive jobs of equal scene time share dispatches. Jobs are taken only a few ahead.
-    /// Afterwards time and settings are as before.
+    /// The host renders up to eight frames at once, as many as it has threads. Each has its share of the threads, its
+    /// own buffers and, if the scene moves, a copy of the tree. These are kept for the next call. A device has two
+    /// frames in flight. If one frame can't keep it busy, successive jobs of equal scene time share dispatches.
+    ///
+    /// Jobs are taken only a few ahead. Afterwards time and settings are as before.
     ///
     /// # Errors
-    /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an error of `each`.
-    /// Frames before it were handed to `each`.
+    /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an
+    /// error of `each`. Earlier frames were handed to `each`.
     pub fn render_many<E: From<RenderError> + Send>(
         &mut self,
         jobs: impl IntoIterator<Item = Job>,
@@ -53,7 +55,7 @@ impl Renderer {
         } else {
             self.render_in_flight(jobs, each)
         };
-        // After an error, frames wait that nobody takes.
+        // After an error, frames are left in flight that nobody receives.
         let mut unclaimed = Frame::default();
         while !self.in_flight.is_empty() {
             if self.receive(&mut unclaimed).is_err() {
@@ -62,12 +64,12 @@ impl Renderer {
         }
         let restored = self.reconfigure(&probe, &settings);
         self.set_time_s(time_s);
-        // A device that was lost makes no frame to restore for.
+        // The first error counts: restoring the settings of a lost device fails, too.
         done?;
         Ok(restored?)
     }
 
-    /// [`Renderer::render_many`] by lanes.
+    /// [`Renderer::render_many`] on the host: one frame per lane, several lanes at once.
     fn render_at_once<E: From<RenderError> + Send>(
         &mut self,
         jobs: impl IntoIterator<Item = Job>,
@@ -91,7 +93,7 @@ impl Renderer {
         })?
     }
 
-    /// [`Renderer::render_many`] by a device: two frames in flight, or twice as many as it makes at once.
+    /// [`Renderer::render_many`] on a device: two groups in flight, each of one or several frames.
     fn render_in_flight<E: From<RenderError>>(
         &mut self,
         jobs: impl IntoIterator<Item = Job>,
@@ -109,7 +111,7 @@ impl Renderer {
         let (mut group, mut first) = (Vec::with_capacity(at_once), 0);
         while let Some(job) = jobs.next() {
             group.push(job);
-            // Frames of one group are of one scene.
+            // All frames of a group show the scene at one time.
             while group.len() < at_once
                 && let Some(next) = jobs.next_if(|next| next.time_s == job.time_s)
             {
@@ -129,16 +131,16 @@ impl Renderer {
         Ok(())
     }
 
-    /// Frames of one scene that a device makes best at once.
+    /// Best number of frames in one group of the device.
     fn frames_at_once(&mut self) -> usize {
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
         self.maker.at_once(inputs).max(1)
     }
 
-    /// Starts the frames of `jobs`, all of one time.
+    /// Starts the frames of `jobs`, which all have the same scene time.
     ///
     /// # Errors
-    /// The error, and the index of its job.
+    /// The error, with the index in `jobs` of the job that failed.
     fn submit_group(&mut self, jobs: &[Job], at_once: usize) -> Result<(), (usize, RenderError)> {
         if at_once == 1 {
             let mut numbered = jobs.iter().enumerate();
@@ -162,7 +164,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Sets the seed and the time of a job.
+    /// Sets the seed and the scene's time of a job.
     fn prepare(&mut self, job: &Job) -> Result<(), RenderError> {
         let RenderSettings { quality, .. } = self.active.settings;
         let probe = self.active.probe;
@@ -174,8 +176,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `work` with this renderer and others beside it, `count` in all, of the same scene, probe and settings; with this one alone if
-    /// a device makes the frames.
+    /// Runs `work` with up to `count` renderers of the same scene, probe and settings, which may render at the same
+    /// time: this one and others beside it. On a device, with this one alone.
     ///
     /// # Errors
     /// Too little memory.
@@ -200,7 +202,7 @@ impl Renderer {
         Ok(done)
     }
 
-    /// Another renderer of the same scene, probe and settings, with buffers of its own; none on a device.
+    /// Another renderer of the same scene, probe and settings, with its own buffers; `None` on a device.
     fn new_beside(&self) -> Result<Option<Self>, RenderError> {
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
         let Some(maker) = self.maker.beside(inputs)? else { return Ok(None) };
@@ -228,7 +230,7 @@ impl Renderer {
     }
 }
 
-/// The error of a job.
+/// Adds the job's index to an error.
 fn named(number: usize, source: RenderError) -> RenderError {
     RenderError::Job { number, source: Box::new(source) }
 }
@@ -270,7 +272,7 @@ mod tests {
         })
     }
 
-    /// A frame without its times.
+    /// The frame with its times set to zero.
     fn timeless(frame: &Frame) -> Frame {
         Frame { times: Default::default(), ..frame.clone() }
     }
@@ -283,7 +285,7 @@ mod tests {
             let (mut one, _) = renderer(&settings);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
             let mut seen = 0;
-            // Twice: lanes are kept. The focus changes between.
+            // Two rounds, since lanes are kept between calls. The focus changes in between.
             for focus_mm in [probe.focus_mm, 40.0] {
                 let probe = Probe { focus_mm, ..probe };
                 one.reconfigure(&probe, &settings).unwrap();
@@ -340,7 +342,7 @@ mod tests {
             low_alone.reconfigure(&probe, &settings()).unwrap();
             high_alone.reconfigure(&probe, &high).unwrap();
             for job in &all {
-                // Submitted together.
+                // Submit both frames before receiving either.
                 for number in [0, 1] {
                     both.select(number).unwrap();
                     both.submit(&job.pose).unwrap();

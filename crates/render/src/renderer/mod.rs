@@ -1,4 +1,4 @@
-//! Frames from poses: one interface for all backends; up to two frames are in flight.
+//! Frames from poses: one interface for all backends, with up to two frames in flight.
 
 mod frames;
 mod many;
@@ -37,29 +37,29 @@ pub struct Renderer {
     bvh: Arc<Bvh>,
     media: Arc<Media>,
     active: Configuration,
-    /// Configurations beside the active one.
+    /// The configurations that are not active.
     kept: Kept<Configuration>,
-    /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
+    /// Skin that the face can touch, at rest; `None` until the effect `contact` is first simulated.
     skin: Option<Arc<Skin>>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
     compute_device: ComputeDevice,
-    /// Whether the next frames carry their image.
+    /// Whether the next frames have an image.
     image: bool,
     /// Time of the scene, s.
     time_s: f64,
     /// Duration of the scene's motion since the last submission, ms.
     motion_ms: f64,
-    /// Pictures of all angles; none without compounding.
+    /// Pictures of all steering angles; `None` without compounding.
     compounding: Option<Compounding>,
-    /// The same of the other configurations.
+    /// Pictures of the configurations that are not active.
     kept_pictures: Kept<Option<Compounding>>,
-    /// Order of the angles of live frames.
+    /// Order in which live frames take the steering angles.
     order: AngleOrder,
-    /// Changes of settings so far: pictures before and after are not averaged.
+    /// Counts restarts of compounding: only pictures of the same count are averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
-    /// Renderers that make frames at the same time, kept for the next ones.
+    /// Renderers that make frames at the same time as this one, reused by later calls.
     beside: Vec<Self>,
 }
 
@@ -77,7 +77,7 @@ impl Renderer {
         Self::with_bvh(backend, scene, Bvh::build(scene)?, probe, settings)
     }
 
-    /// As [`Renderer::new`], with a BVH built before, which renderers may share.
+    /// As [`Renderer::new`], with a ready BVH, which renderers may share.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -91,7 +91,7 @@ impl Renderer {
         Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default(), &[])
     }
 
-    /// As [`Renderer::with_bvh`]; what `known` tables hold already is not computed again.
+    /// As [`Renderer::with_bvh`]; tables of `known` that fit are reused.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -106,7 +106,8 @@ impl Renderer {
         Self::build(backend, scene, bvh, probe, settings, &TestHooks::default(), known)
     }
 
-    /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
+    /// As [`Renderer::with_bvh`], with passes that a test has changed. Changed shaders apply to a device, changed
+    /// constants to the host.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -131,7 +132,7 @@ impl Renderer {
         hooks: &TestHooks,
         known: &[SharedTables],
     ) -> Result<Self, RenderError> {
-        // A value outside its range is reported before any fault of the scene.
+        // A value outside its range is reported before faults of the scene.
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
@@ -164,7 +165,7 @@ impl Renderer {
         };
         renderer.prepare_compounding();
         renderer.prepare_skin()?;
-        // Where tables were made ahead nobody waits for the first frame, and the host compiles nothing.
+        // If tables were made ahead, nobody waits for the first frame, and the host compiles nothing.
         let warm: &[bool] = if renderer.on_host && !known.is_empty() { &[] } else { &[true, false] };
         renderer.warm_up(warm)?;
         Ok(renderer)
@@ -187,7 +188,7 @@ impl Renderer {
         self.reconfigure_with(probe, settings, &[])
     }
 
-    /// As [`Renderer::reconfigure`]; what `known` tables hold already is not computed again.
+    /// As [`Renderer::reconfigure`]; tables of `known` that fit are reused.
     ///
     /// # Errors
     /// As [`Renderer::reconfigure`].
@@ -202,7 +203,8 @@ impl Renderer {
         if self.active.has_tables_of(&self.media, probe, settings) {
             let (before, after) = (self.active.settings, *settings);
             self.active.set_uniforms(&self.media, settings);
-            // With another gain the angles so far age out, so that a slider doesn't bring back their speckle.
+            // After a change of gain, older angles are replaced one by one, so that moving a slider doesn't bring back
+            // their speckle.
             let range_db = |settings: &RenderSettings| settings.image.dynamic_range_db;
             if (range_db(&before), before.quality.seed) != (range_db(&after), after.quality.seed) {
                 self.restart_compounding();
@@ -219,18 +221,18 @@ impl Renderer {
         self.prepare_skin()?;
         self.prepare_compounding();
         self.rest(moved);
-        // With frames in flight the ring has no room: the next frame compiles what is new.
+        // If frames are in flight, no warm-up frame fits, and the next frame compiles what is new.
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
 
-    /// Makes the configuration with a number the active one; 0 is the first. A new number begins with the probe and the settings of the
-    /// one before. [`Renderer::reconfigure`] and all others concern the active one: each keeps its own tables and buffers, so that
-    /// changing between them costs nothing. They share the scene and its time.
+    /// Makes configuration `number` the active one; 0 is the first. A new number starts with the probe and settings of
+    /// the active configuration. [`Renderer::reconfigure`] and all other methods concern the active one. Each keeps its
+    /// own tables and buffers, so switching costs nothing. All share the scene and its time.
     ///
-    /// Frames in flight stay as they were submitted, but are not part of compounded pictures any more.
+    /// Frames in flight stay as they were submitted, but no longer join a compounded picture.
     ///
     /// # Errors
-    /// Too little memory for a new one, or a device that fails; nothing has changed then.
+    /// Too little memory for a new configuration, or a device that fails; nothing has changed then.
     pub fn select(&mut self, number: usize) -> Result<(), RenderError> {
         if number == self.kept.active() {
             return Ok(());
@@ -251,14 +253,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Brings the scene to rest if it `moved`, and does not with the active configuration.
+    /// Puts the scene back to rest if the active configuration has no motion. `moved` says whether the one before had.
     fn rest(&mut self, moved: bool) {
         if moved && !self.active.effects.has(Effect::Motion) && self.bvh.moves() {
             self.move_to(0.0);
         }
     }
 
-    /// Makes the skin that the face touches, if its effect is simulated for the first time.
+    /// Prepares the skin when the effect `contact` is first simulated.
     fn prepare_skin(&mut self) -> Result<(), RenderError> {
         if self.skin.is_some() || !self.active.effects.has(Effect::Contact) {
             return Ok(());
@@ -271,12 +273,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// Distance of the face's centre from the skin at rest, mm; none if contact was never simulated.
+    /// Distance of the face's centre from the skin at rest, mm; `None` if contact was never simulated.
     pub fn skin_distance_mm(&self, pose: &Pose) -> Option<f64> {
         self.skin.as_ref().map(|skin| skin.distance_mm(pose.position_mm))
     }
 
-    /// Makes the memory of the angles of a compounded picture.
+    /// Allocates the pictures of the steering angles, if the active configuration compounds.
     fn prepare_compounding(&mut self) {
         let tables = &self.active.tables;
         let range_db = self.active.settings.image.dynamic_range_db;
@@ -287,7 +289,8 @@ impl Renderer {
         self.restart_compounding();
     }
 
-    /// Begins a compounded picture anew with the next frame: the straight angle, which alone shows the whole sector.
+    /// Starts a new compounded picture with the next frame, which renders the straight angle: it alone shows the whole
+    /// sector.
     pub fn restart_compounding(&mut self) {
         self.generation += 1;
         let angles = self.active.tables.angles.len();
@@ -297,11 +300,11 @@ impl Renderer {
         }
     }
 
-    /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
-    /// the first write; neither may delay a user's first frame.
+    /// Renders one frame for each entry of `with_maps`, which says whether the frame has maps. Drivers compile at the
+    /// first dispatch, and memory is mapped at the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
         let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
-        // Frames away from the scene, as that takes the least time.
+        // The poses are away from the scene, where frames take the least time.
         let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * DVec3::Z;
         let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
         let mut rendered = Ok(());
@@ -318,8 +321,8 @@ impl Renderer {
         rendered
     }
 
-    /// Sets whether the next frames carry segmentation and attenuation: as [`Renderer::reconfigure`] with
-    /// [`RenderSettings::maps`], but at no cost, so it may be called for each frame.
+    /// Sets whether the next frames have segmentation and attenuation. It is [`Renderer::reconfigure`] with
+    /// [`RenderSettings::maps`], but free, so it may be called for each frame.
     pub fn set_maps(&mut self, maps: bool) {
         if maps != self.active.settings.maps {
             self.active.settings.maps = maps;
@@ -327,19 +330,18 @@ impl Renderer {
         }
     }
 
-    /// Sets whether the next frames carry their B-mode image. Without it [`Frame::bmode`] is empty and its passes are
-    /// skipped, for a generator that takes only maps. Frames without maps, and those with lines, always have it. Costs
-    /// nothing; frames in flight stay as they were submitted.
+    /// Sets whether the next frames have their B-mode image. Without it [`Frame::bmode`] is empty and its passes are
+    /// skipped, for a generator that needs only maps. Frames without maps, and frames with lines, always have an image.
+    /// The call is free; frames in flight stay as they were submitted.
     pub fn set_image(&mut self, image: bool) {
         self.image = image;
     }
 
-    /// Moves the scene to `time_s`, for the frames that are submitted from now on.
+    /// Moves the scene to `time_s`, for frames submitted from now on. A new renderer shows time 0, with everything at
+    /// rest.
     ///
-    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. A new renderer shows
-    /// time 0, with everything at rest.
-    ///
-    /// Each time has its own noise of the receiver.
+    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. The receiver's noise
+    /// differs from time to time.
     pub fn set_time_s(&mut self, time_s: f64) {
         self.time_s = time_s;
         if self.bvh.moves() && self.active.effects.has(Effect::Motion) {
@@ -349,9 +351,9 @@ impl Renderer {
         }
     }
 
-    /// Moves the scene to `time_s`, even if the plan has no motion.
+    /// Moves the scene to `time_s`, even if the plan excludes motion.
     fn move_to(&mut self, time_s: f64) {
-        // Renderers may share one tree until it moves; then each has its own copy.
+        // Renderers may share one tree until it moves; then each gets its own copy.
         self.maker.move_scene(Arc::make_mut(&mut self.bvh), time_s);
     }
 
@@ -360,7 +362,7 @@ impl Renderer {
         &self.active.settings
     }
 
-    /// Effects that frames simulate, and why.
+    /// Decision on each effect, with its reason.
     pub fn plan(&self) -> &EffectPlan {
         &self.active.effects
     }
@@ -370,28 +372,28 @@ impl Renderer {
         &self.active.probe
     }
 
-    /// Whether the host's processors make the frames, within [`Renderer::submit`].
+    /// Whether the host renderer makes the frames, within [`Renderer::submit`].
     pub fn on_host(&self) -> bool {
         self.on_host
     }
 
-    /// Device that computes its frames.
+    /// Device that renders the frames.
     pub fn compute_device(&self) -> ComputeDevice {
         self.compute_device
     }
 
-    /// Number of frames that were submitted and not received.
+    /// Number of frames that were submitted and not yet received.
     pub fn frames_in_flight(&self) -> usize {
         self.in_flight.len()
     }
 
-    /// ComputeDevice of the sector in the image.
+    /// Position and size of the sector in the image.
     pub fn sector(&self) -> &Sector {
         &self.active.tables.sector
     }
 }
 
-/// Checks every index that passes use unchecked.
+/// Checks every index that passes use unchecked, and the numbers of surfaces and tissues.
 fn check_scene(scene: &Scene, bvh: &Bvh) -> Result<(), RenderError> {
     let (surfaces, tissues) = (scene.surfaces.len(), scene.tissues.tissues().len());
     let fail = |what: String| Err(RenderError::Scene { what });
