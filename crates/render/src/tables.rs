@@ -24,7 +24,7 @@ use super::texture::PackedTexture;
 /// Width of a tile of the image, words of four pixels.
 const TILE_WORDS: u32 = 4;
 /// Least number of map steps over the depth, even for small images. At an oblique boundary, the error of Σμ grows with
-/// the spacing of map rays, which is at most a step.
+/// the spacing of map rays, which follows the step.
 const MAP_STEPS_MIN: f64 = 1000.0;
 
 /// A tissue as the passes need it: `Tissue` of `shaders/shared/tissue.wgsl`.
