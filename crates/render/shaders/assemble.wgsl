@@ -1,11 +1,12 @@
-// Moved triangles from their vertices.
-// In: rest positions and displacements of vertices. Out: triangles and their displacements. One thread per moving triangle.
+// Moved triangles, from their vertices.
+// In: rest positions and displacements of vertices. Out: triangles and their displacements. One thread per moving
+// triangle.
 
 @group(0) @binding(0) var<uniform> step_of: Step;
 @group(0) @binding(1) var<uniform> motion: Motion;
 @group(0) @binding(2) var<storage, read> vertices: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> moved: array<vec4<f32>>;
-// Vertices, and the bit set of the fields that move the triangle's tree.
+// Indices of a triangle's three vertices, and the bit set of the fields that move its part of the tree.
 @group(0) @binding(4) var<storage, read> corners: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> triangles: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read_write> displacements: array<vec4<f32>>;

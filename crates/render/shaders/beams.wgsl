@@ -1,17 +1,17 @@
-// Two-way amplitude of each beam of a period at every cell of each plane [planes × beams × cells]: a Fourier sum over the
-// modes. A workgroup per plane and run of cells.
+// Two-way amplitude of each beam of a period at every cell of each depth plane [planes × beams × cells]: a Fourier sum
+// over the modes (waves along the face). A workgroup per plane and group of neighbouring cells.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> aperture: Aperture;
 @group(0) @binding(2) var<storage, read> modes: array<i32>;
-// Part of each mode in the transmit beam, then in the receive beam of each plane, at x = 0.
+// Complex weight of each mode in the transmit beam, then in the receive beam of each depth plane, for beams at x = 0.
 @group(0) @binding(3) var<storage, read> beam_parts: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> fields: array<f32>;
 @group(0) @binding(5) var<storage, read_write> amplitudes: array<f32>;
 
 const THREADS: u32 = 64u;
 
-// Transmit field in xy, receive field in zw: of each spatial frequency, then of each beam in bit-reversed order
+// Transmit field (xy) and receive field (zw), first of each spatial frequency, then of each beam in bit-reversed order
 // [beams × cells of the workgroup].
 var<workgroup> sums: array<vec4<f32>, BEAM_CELLS_OF_A_GROUP>;
 
@@ -19,12 +19,12 @@ fn both_times(pair: vec4<f32>, factor: vec2<f32>) -> vec4<f32> {
     return vec4<f32>(times(pair.xy, factor), times(pair.zw, factor));
 }
 
-// i times both.
+// Multiplies both complex numbers by i.
 fn both_turned(pair: vec4<f32>) -> vec4<f32> {
     return vec4<f32>(-pair.y, pair.x, -pair.w, pair.z);
 }
 
-// Fourier sums over the rows, for each column: steps of radix 4, before them one of radix 2 if the length asks for it.
+// Fourier transform over the rows, for each column: steps of radix 4, after one of radix 2 if the length needs it.
 fn transform(thread: u32, columns: u32) {
     var block = aperture.beams;
     if countTrailingZeros(block) % 2u == 1u {
@@ -66,13 +66,13 @@ fn transform(thread: u32, columns: u32) {
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let plane = group.y;
-    // From `halves_at` on there are only even modes, half as far apart.
+    // From plane `halves_at` on there are only even modes, whose spatial frequencies count half.
     let stride = select(2, 1, plane < aperture.halves_at);
     let count = i32(aperture.beams);
     let columns = BEAM_CELLS_OF_A_GROUP / aperture.beams;
     let first_cell = group.x * columns;
     let column = local.x % columns;
-    // Modes of the same frequency are a multiple of `beams` apart, so one thread has them all.
+    // Modes of the same frequency are a multiple of `beams` apart, so one thread adds them all.
     let sharing = THREADS / columns;
     for (var slot = local.x / columns; slot < aperture.modes; slot += sharing) {
         let mode = modes[slot];

@@ -1,9 +1,9 @@
 // Axial pulse, envelope, TGC and log compression.
-// In: focused baseband, two samples per vector. Out: one word per sample with the grey levels 0..=65535 of it and its
-// successor, for scan conversion; with KEEP_LINES also the pulse-shaped baseband. Eight samples per thread.
+// In: focused baseband, two samples per vector. Out: one word per sample with the grey levels 0..=65535 of the sample
+// and the next one, for scan conversion; with KEEP_LINES also the baseband after the pulse. Eight samples per thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
-// Envelope of the pulse with PULSE_PAD zeros before and after it.
+// Envelope of the pulse, with PULSE_PAD zeros before and after it.
 @group(0) @binding(1) var<uniform> pulse: array<vec4<f32>, PULSE_QUADS>;
 @group(0) @binding(2) var<storage, read> focused: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> polar: array<vec4<u32>>;
@@ -15,7 +15,7 @@ fn tap(index: i32) -> f32 {
     return pulse[u32(index) >> 2u][u32(index) & 3u];
 }
 
-// Gain of the TGC sliders at a depth, dB: linear interpolation.
+// Gain of the TGC sliders at a depth, dB, interpolated linearly.
 fn slider_db(depth_mm: f32) -> f32 {
     let position = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
     let below = min(u32(position), 6u);
@@ -24,10 +24,10 @@ fn slider_db(depth_mm: f32) -> f32 {
     return mix(low, high, position - f32(below));
 }
 
-// Grey levels 0..=1 of four samples from their powers.
+// Grey levels 0..=1 of four samples from `first` on, from their powers.
 fn levels(first: u32, power: vec4<f32>) -> vec4<f32> {
     let depth_mm = (vec4<f32>(0.5, 1.5, 2.5, 3.5) + f32(i32(first))) * params.sample_spacing_mm;
-    // The floor is far below any display.
+    // The least power is far below any display.
     let level_db = DB_A_DOUBLING * log2(max(power, vec4<f32>(1.0e-37)))
         + image_gain_db() + params.tgc_db_per_mm * depth_mm
         + vec4<f32>(slider_db(depth_mm.x), slider_db(depth_mm.y), slider_db(depth_mm.z), slider_db(depth_mm.w));
@@ -38,7 +38,7 @@ fn powers(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
     return vec4<f32>(dot(a.xy, a.xy), dot(a.zw, a.zw), dot(b.xy, b.xy), dot(b.zw, b.zw));
 }
 
-// Packs each of four levels with its successor; `next` follows the fourth.
+// Packs each of four levels with the next one; `next` follows the fourth.
 fn pairs(level: vec4<f32>, next: f32) -> vec4<u32> {
     return vec4<u32>(pack2x16unorm(level.xy), pack2x16unorm(level.yz), pack2x16unorm(level.zw), pack2x16unorm(vec2<f32>(level.w, next)));
 }
@@ -51,14 +51,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let row = id.y * params.row_samples;
     let half = i32(params.axial_half);
-    // Reads the pairs of samples within the pulse of any of the nine outputs. Samples beyond the row's ends count as 0.
+    // Reads the pairs of samples that the pulse spreads to any of the nine outputs. Samples beyond the row's ends count
+    // as 0.
     let even = (half + 1) & ~1;
     let last = i32(params.samples) - 1;
     var a = vec4<f32>(0.0);
     var b = vec4<f32>(0.0);
     var c = vec4<f32>(0.0);
     var d = vec4<f32>(0.0);
-    // The first sample of the next thread.
+    // Ninth output: the first sample of the next thread.
     var e = vec2<f32>(0.0);
     // Sliding window of taps; each pair of samples shifts it by two.
     var near = vec4<f32>(0.0);

@@ -1,19 +1,19 @@
-// Displacement of moving vertices from rest.
-// In: rest positions, amounts of the fields. Out: displacements. One thread per vertex.
+// Displacement of moving vertices from their rest positions.
+// In: rest positions, amounts of the displacement fields. Out: displacements. One thread per vertex.
 
 @group(0) @binding(0) var<uniform> step_of: Step;
 @group(0) @binding(1) var<uniform> motion: Motion;
-// Rest position as bits of floats, and the bit set of the fields that move it.
+// Rest position as the bits of floats, and the bit set of the fields that move the vertex.
 @group(0) @binding(2) var<storage, read> vertices: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> moved: array<vec4<f32>>;
 
-// 0 up to `low`, 1 from `high` on, smooth between.
+// 0 up to `low`, 1 from `high` on, smooth in between.
 fn smooth_step(low: f32, high: f32, x: f32) -> f32 {
     let t = clamp((x - low) / (high - low), 0.0, 1.0);
     return t * t * (3.0 - 2.0 * t);
 }
 
-// A heart: it narrows about its long axis, and its valve plane moves towards the apex.
+// Beating heart: it narrows about its long axis, and its valve plane moves towards the apex.
 fn beat(field: Field, q: vec3<f32>) -> vec3<f32> {
     let reach = length(q) / field.radius_mm;
     let fade = 1.0 - smooth_step(1.0, 1.0 + FADE, reach);
@@ -27,7 +27,7 @@ fn beat(field: Field, q: vec3<f32>) -> vec3<f32> {
         - about_axis * (amount * field.form.x * depth));
 }
 
-// A breathing trunk: it widens about an axis, and its inside moves along the axis.
+// Breathing trunk: it widens about an axis, and its inside moves along the axis.
 fn breath(field: Field, q: vec3<f32>) -> vec3<f32> {
     let along = dot(q, field.axis);
     let about_axis = q - field.axis * along;
@@ -38,17 +38,17 @@ fn breath(field: Field, q: vec3<f32>) -> vec3<f32> {
     return field.amounts.x * fade * (field.form.y * about_axis + field.axis * (field.form.z * inside));
 }
 
-// A limb that rotates about a joint.
+// Limb that swings about a joint.
 fn swing(field: Field, q: vec3<f32>) -> vec3<f32> {
     let limb = field.form;
     let length_mm = length(limb);
     let along = clamp(dot(q, limb) / (length_mm * length_mm), 0.0, 1.0);
     let aside = length(q - limb * along) / field.radius_mm;
-    // Only points distal of the joint rotate, with full weight from one radius on.
+    // Only points distal to the joint rotate, with full weight from one radius along the limb on.
     let weight = (1.0 - smooth_step(1.0, 1.0 + FADE, aside))
         * smooth_step(0.0, 1.0, dot(q, limb) / (length_mm * min(field.radius_mm, length_mm)));
     let half = phasor(0.5 * weight * field.amounts.x * field.turns);
-    // Rodrigues' formula less the point itself.
+    // Displacement by Rodrigues' rotation formula.
     let across = cross(field.axis, q);
     return 2.0 * half.y * (half.x * across + half.y * cross(field.axis, across));
 }

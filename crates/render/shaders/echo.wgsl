@@ -1,20 +1,21 @@
-// Adds the interfaces' echoes to the baseband. The entry points take the echoes of a scanline in the order of its paths, so that the
-// float sums are reproducible without atomics: see shared/echo_by_group.wgsl and shared/echo_by_line.wgsl.
+// Adds the interfaces' echoes to the baseband. Each scanline's echoes are added in the order of its paths, so that
+// float sums are reproducible without atomics. The entry points are in shared/echo_by_group.wgsl and
+// shared/echo_by_line.wgsl.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<storage, read> echoes: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> segment_counts: array<u32>;
-// Read if APERTURE.
+// This and the next one are read if APERTURE.
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> line_gains: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> baseband: array<vec2<f32>>;
 
-// Whether the aperture's gain replaces the loss of paths that have not reflected.
+// Whether the aperture gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
 
-// Loss of a path at the start of an interval, from the segments up to `arrived`.
+// Loss of a path from the face to the start of a depth interval, on its segments up to index `arrived`.
 fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
     let range_mm = f32(interval) * aperture.plane_mm;
     var at = arrived;
@@ -24,13 +25,14 @@ fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
     return loss_on(path, at, range_mm);
 }
 
-// How far a scanline lags behind its depth, by its own loss in an interval.
+// How far a scanline's position among the depth planes lags behind at the end of an interval: 1 without an own loss in
+// the interval (one-way nepers), 0 for a very large one.
 fn lags(own_np: f32) -> f32 {
     return TRACKED_NP / (max(own_np, 0.0) + TRACKED_NP);
 }
 
-// ln of the amplitude, two-way, that returns from the interface behind segment `arrived`: the aperture's gain before the
-// obstacles which the path has not crossed yet.
+// ln of the two-way amplitude that returns from the interface at the end of segment `arrived`: the aperture gain before
+// the obstacles that the path has not crossed yet.
 fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     let range_mm = starts[path * STARTS + arrived + 1u];
     let index = interval_index(range_mm);
@@ -45,14 +47,14 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     let part = range_mm / aperture.plane_mm - f32(index);
     let rise_np = loss_on(path, arrived, range_mm) - begins_np;
     let lost = lost_part(interval, part, rise_np + interval.begins_np);
-    // The plane of the interval is before what the path has not crossed.
+    // The gain is at most that at the interval's plane, which lies before what the path has not crossed.
     let path_np = max(rise_np - interval.row_np * lost, 0.0);
     let furthest = max(f32(index) + path_np / (path_np + TRACKED_NP), interval.start);
     let position = min(position_within(interval, part, lost), furthest);
     return gain_at(line, position) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
-// An echo: sample, and value added there; none beyond the samples, or without amplitude.
+// An echo: its sample, and the value to add there. `sample` is NO_SAMPLE beyond the last sample, and without amplitude.
 struct Echo {
     sample: u32,
     value: vec2<f32>,
@@ -60,7 +62,7 @@ struct Echo {
 
 const NO_SAMPLE: u32 = 0xffffffffu;
 
-// The echo at the start of a segment, times `weight`.
+// Echo of the interface at the start of a segment, times `weight`.
 fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
     let echo = echoes[path * SEGMENTS + segment];
     let sample = echo.y / params.sample_spacing_mm;
@@ -74,12 +76,12 @@ fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
     return Echo(u32(sample), amplitude * phasor(-params.phase_turns_per_mm * echo.y));
 }
 
-// Echoes of a path: one for each segment but the first.
+// Number of echoes of a path: one at the start of each segment but the first.
 fn count_of(path: u32) -> u32 {
     return max(segment_counts[path], 1u) - 1u;
 }
 
-// The `ordinal`-th path of a scanline in this batch: rays fastest, then layers.
+// Index of the `ordinal`-th path of a scanline in this batch: rays fastest, then layers.
 fn path_of(line: u32, ordinal: u32) -> u32 {
     let of_batch = ordinal / params.rays * params.line_count + line - params.line_first;
     return of_batch * params.rays + ordinal % params.rays;

@@ -1,58 +1,61 @@
 // Lateral point-spread function: each sample becomes the beam's weighted sum over neighbouring scanlines.
-// Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
+// In and out: complex [scanlines × row_samples], two samples per vector. A thread makes four samples of a scanline.
 //
-// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
-// off its normal. Beyond the array, a beam with an aperture meets the mirror image of what is within, a quarter of a
-// cycle later; without the aperture, the weights within are scaled to the sum of all. Each scanline sees its
-// neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections don't carry the gain: where
-// both scanlines hold some, the weaker one's amplitude is the least that is compared. The wavefront of a steered frame
-// is across its scanlines: a neighbour's samples lie deeper or higher.
+// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are
+// wider off its normal. A kernel may reach beyond the array. With an aperture, it meets the mirror image of what is
+// within, a quarter of a cycle later. Without one, the weights within are scaled to the sum of all.
+//
+// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections
+// don't carry the gain. If both scanlines have such echoes, the weaker one's amplitude is the least that is compared.
+//
+// The wavefront of a steered frame is across its scanlines, so a neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
 @group(0) @binding(2) var<storage, read> baseband: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> focused: array<vec4<f32>>;
-// Gain of each block as amplitude, and its position among the planes [scanlines × blocks]. This one and the next three
-// are read if APERTURE.
+// Gain of each block (as an amplitude), and its position among the depth planes [scanlines × blocks]. This buffer and
+// the next three are read if APERTURE.
 @group(0) @binding(4) var<storage, read> block_gains: array<vec2<f32>>;
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> profiles: array<f32>;
 @group(0) @binding(7) var<storage, read> blends: array<f32>;
-// Of each block's kernel: scanlines to either side that it reaches, and the sum of its squares.
+// For each block's kernel: half width in scanlines, and sum of the squared weights.
 @group(0) @binding(8) var<storage, read> kernel_spans: array<vec2<f32>>;
-// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks]. Read if APERTURE.
+// Ratio of the amplitude that came by reflections to the amplitude that the aperture sees [scanlines × blocks]. Read if
+// APERTURE.
 @group(0) @binding(9) var<storage, read> reflected: array<f32>;
 
 const THREADS: u32 = 64u;
-// Threads of a block of samples, and blocks of a workgroup.
+// Threads per block of samples, and blocks per workgroup.
 const SHARING: u32 = DEPTH_BLOCK / 4u;
 const BLOCKS: u32 = THREADS / SHARING;
 const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 
-// Weights, times the gain of the scanline over its neighbour's [taps × blocks].
+// Weight of each tap, times the gain of the scanline over its neighbour's [taps × blocks].
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
-// Phase of each neighbour's wavefront; only in steered frames.
+// Phase of each neighbour's wavefront; used only in steered frames.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
-// Of each thread's taps: sum of the weights' squares, and their sum; the same of the whole kernel.
+// Over each thread's taps: sum of the squared weights and sum of the weights, then both sums of the plain kernel.
 var<workgroup> sums: array<vec4<f32>, THREADS>;
-// First tap with a weight, and the end of them.
+// First tap with a weight, and one after the last, of each thread.
 var<workgroup> ends: array<vec2<u32>, THREADS>;
 
 override APERTURE: bool;
 override STEERED: bool = false;
 
-// Weight of a tap in the profile of a plane; zero beyond its ends.
+// Weight of a tap in a profile; zero beyond the profile's ends.
 fn profile_at(profile: u32, tap: u32) -> f32 {
     let inside = f32(tap) >= blends[3u * profile + 1u] && f32(tap) < blends[3u * profile + 2u];
     return select(0.0, profiles[profile * (2u * params.lateral_half + 1u) + tap], inside);
 }
 
-// First tap of a profile; the kernel's middle if it has none.
+// First tap of a profile; the middle of the kernel if the profile is empty.
 fn start_of(profile: u32) -> f32 {
     return select(f32(params.lateral_half), blends[3u * profile + 1u], blends[3u * profile + 2u] > 0.0);
 }
 
-// A neighbour's sample; nothing beyond the row.
+// A neighbour's sample; 0 beyond the ends of the row.
 fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     let there = sample >= 0 && sample < i32(params.row_samples);
     let at = line * params.row_samples + u32(clamp(sample, 0, i32(params.row_samples) - 1));
@@ -60,24 +63,25 @@ fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
 }
 
-// Scanline of a position; beyond the array's ends, its mirror image: no kernel reaches as far as the array is wide.
+// Scanline at a position; beyond the array's ends, its mirror image. No kernel is wider than the array.
 fn mirrored(position: i32) -> u32 {
     let lines = i32(params.scanlines);
     return u32(select(max(position, -1 - position), 2 * lines - 1 - position, position >= lines));
 }
 
-// Two complex samples, times i if they are beyond the array.
+// Two complex samples, multiplied by i if they are beyond the array.
 fn quarter_later(pair: vec4<f32>, beyond: bool) -> vec4<f32> {
     return select(pair, vec4<f32>(-pair.y, pair.x, -pair.w, pair.z), beyond);
 }
 
-// Cosine of a scanline's angle to the normal of a phased array: the part of the aperture that it sees. 1 for other arrays.
+// Fraction of a phased array's aperture, projected on a scanline: the cosine of the scanline's angle to the normal. 1
+// for other arrays.
 fn projection_of(line: u32) -> f32 {
     let turns = params.line_turns * (f32(line) + 0.5 - 0.5 * f32(params.scanlines));
     return select(max(phasor(turns).x, PROJECTION_MIN), 1.0, params.line_turns == 0.0);
 }
 
-// Weight of a tap in a kernel as wide as a projection of the aperture makes it.
+// Weight of tap `at` in a block's kernel, widened by one over `projection`.
 fn kernel_at(block: u32, at: u32, projection: f32) -> f32 {
     let kernel = block * (2u * params.lateral_half + 1u) + params.lateral_half;
     let offset = u32(abs(i32(at) - i32(params.lateral_half)));
@@ -89,12 +93,12 @@ fn kernel_at(block: u32, at: u32, projection: f32) -> f32 {
     return mix(kernels[kernel + low], kernels[kernel + low + 1u], position - f32(low));
 }
 
-// Amplitude of a block that came by reflections, at most 1; `gain` is that of its scanline.
+// Amplitude of a block that came by reflections, at most 1; `gain` is the scanline's aperture gain.
 fn reflected_of(line: u32, block: u32, gain: f32) -> f32 {
     return min(gain * reflected[line * (params.row_samples >> BLOCK_SHIFT) + block], 1.0);
 }
 
-// Weights of a block, by the threads that share it: each has every SHARING-th tap.
+// Computes the weights of a block. Each of the SHARING threads of the block computes every SHARING-th tap.
 fn weigh(thread: u32, line: u32, block: u32) {
     let half = i32(params.lateral_half);
     let taps = 2u * params.lateral_half + 1u;
@@ -205,7 +209,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     let power = sum.x;
     let total = sum.y;
     let kernel_power = kernel_spans[block].y;
-    // Speckle of a wide kernel whose sum is 1 would be darker.
+    // A widened kernel scaled to a sum of 1 would make speckle darker.
     let level = select(sqrt(sum.z / kernel_power) / sum.w, 1.0, projection_of(line) == 1.0);
     let scale = select(1.0 / max(total * level, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
     let out = (line * params.row_samples + first) >> 1u;

@@ -1,6 +1,6 @@
 // Surfaces that each path starts inside, and the coupling of its part of the face.
-// In: ray table, BVH. Out: eight words of surface bits per path, and the amplitude that the face passes, one way.
-// One thread per path: rays fastest, then scanlines, then layers; then the axial paths.
+// In: ray table, BVH. Out: eight words of surface bits per path, and the one-way amplitude that the face passes. One
+// thread per path: rays fastest, then scanlines, then layers; then the axial paths.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -13,7 +13,7 @@
 
 const CROSSINGS: u32 = CROSSINGS_BEHIND;
 
-// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
+// Threads started for each one that searches: idle threads between them save waiting within a subgroup.
 override LANES_APART: u32 = 1u;
 
 @compute @workgroup_size(64)

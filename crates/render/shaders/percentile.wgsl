@@ -1,5 +1,5 @@
-// The Σμ below which BRIGHTEST_PART of the sector's area lies: e^(−Σμ) is the 98th percentile of the attenuation.
-// Bisection on Σμ by the area in front of it, since Σμ never falls along a ray. One workgroup.
+// The Σμ below which BRIGHTEST_PART of the sector's area lies: e^(−Σμ) is the attenuation's 98th percentile. Bisects Σμ
+// by the area in front of it, which works since Σμ never falls along a ray. One workgroup.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> entries: array<vec4<f32>>;
@@ -10,7 +10,7 @@ const THREADS: u32 = 256u;
 
 var<workgroup> partial: array<f32, THREADS>;
 
-// Area of a ray's strip up to depth t, in units that cancel.
+// Area of a map ray's strip up to depth t, in arbitrary units.
 fn area(t: f32) -> f32 {
     if params.face_radius_mm < 0.0 {
         return t;
@@ -18,7 +18,7 @@ fn area(t: f32) -> f32 {
     return t * (0.5 * t + params.face_radius_mm);
 }
 
-// Depth on a ray at which Σμ exceeds `limit`.
+// Depth on a map ray at which Σμ exceeds `limit`.
 fn reach(ray: u32, limit: f32) -> f32 {
     let count = entry_counts[ray];
     for (var i = 0u; i < count; i++) {

@@ -1,17 +1,19 @@
-// Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions, and the echo
-// power of the beams over the greatest one without obstacles [planes × cells], the first nodes of each row. Weights
-// [planes × scanlines × (2·lateral_half + 1)], in addition to a part of the depth's kernel; that part, and the first
-// and the end of the weights [planes × scanlines × 3]. A thread per scanline or node, and plane.
+// Weights of a scanline's neighbours and echo power of the beams at each depth plane, from the beams' amplitudes.
+// Out: weights [planes × scanlines × (2·lateral_half + 1)]. They are added to a fraction of the depth's kernel: that
+// fraction, first tap and end of the weights [planes × scanlines × 3].
+// Out: echo power relative to the greatest one without obstacles [planes × cells]; each row has values only at its
+// first elements, one per node. A thread per plane and scanline or node.
 //
-// Where nothing bends or hides a beam, it has the kernel of its depth. Elsewhere the beam's own amplitude takes over.
+// If nothing bends or hides a beam, it has the kernel of its depth. Otherwise the beam's own amplitude takes over.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> aperture: Aperture;
-// Position of each scanline, in cells.
+// Lateral position of each scanline, in cells.
 @group(0) @binding(2) var<storage, read> line_cells: array<f32>;
-// Of each plane: distance in cells within which a beam's scatterers are summed, and greatest power without obstacles.
+// For each depth plane: distance within which a beam's scatterers are summed (cells), and greatest power without
+// obstacles.
 @group(0) @binding(3) var<storage, read> reaches: array<vec2<f32>>;
-// Two-way amplitude of an unobstructed beam against the offset from its axis, in cells [planes × offsets].
+// Two-way amplitude of an unobstructed beam, by the offset from its axis in cells [planes × offsets].
 @group(0) @binding(4) var<storage, read> unobstructed: array<f32>;
 @group(0) @binding(5) var<storage, read> kernels: array<f32>;
 @group(0) @binding(6) var<storage, read> amplitudes: array<f32>;
@@ -19,7 +21,7 @@
 @group(0) @binding(8) var<storage, read_write> weights: array<f32>;
 @group(0) @binding(9) var<storage, read_write> blends: array<f32>;
 
-// The Catmull-Rom spline through four values, between the second and the third.
+// Catmull-Rom spline through four values, at the fraction `part` between the second and the third.
 fn catmull_rom(v: vec4<f32>, part: f32) -> f32 {
     let bend = v.x - 2.5 * v.y + 2.0 * v.z - 0.5 * v.w;
     let twist = 0.5 * (v.w - v.x) + 1.5 * (v.y - v.z);
@@ -29,11 +31,12 @@ fn catmull_rom(v: vec4<f32>, part: f32) -> f32 {
 fn amplitude_at(plane: u32, axis: u32, offset: i32) -> f32 {
     let cell = i32(axis * node_cells_at(plane)) + offset + i32(aperture.cells);
     let row = (plane * aperture.beams + beam_of(plane, axis)) * aperture.cells;
-    // The grid is periodic.
+    // The grid is periodic across the face.
     return amplitudes[row + u32(cell) % aperture.cells];
 }
 
-// Amplitude of a scanline between two axes, at an offset in cells.
+// Amplitude of a scanline's beam at an offset in cells. The scanline lies at the fraction `part` between the axes `low`
+// and `low` + 1.
 fn between(plane: u32, low: u32, part: f32, offset: i32) -> f32 {
     return (1.0 - part) * amplitude_at(plane, low, offset) + part * amplitude_at(plane, low + 1u, offset);
 }

@@ -1,13 +1,15 @@
-// Propagation of the modes from plane to plane through the transmission and the delays of the scan plane: an angular
-// spectrum. Out: field of each mode at each cell before the interval of each plane
-// [modes × planes × (real parts, imaginary parts) × cells]. A workgroup per mode.
+// Propagation of the modes (waves along the face) from depth plane to depth plane, through transmission and delays of
+// the scan plane, by angular spectrum.
+// Out: field of each mode at each cell of each depth plane, before the transmission of that plane's interval [modes ×
+// planes × (real parts, imaginary parts) × cells]. A workgroup per mode.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> aperture: Aperture;
-// Number of each mode; MODE_NONE pads.
+// Number of each mode: of its waves in one period of the beams; MODE_NONE pads.
 @group(0) @binding(2) var<storage, read> modes: array<i32>;
 @group(0) @binding(3) var<storage, read> face: array<f32>;
-// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
+// Factor of each spatial frequency from the previous depth plane to each one, over the number of cells [planes ×
+// cells].
 @group(0) @binding(4) var<storage, read> steps: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> transmissions: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> fields: array<f32>;
@@ -23,12 +25,12 @@ struct Quad {
     d: vec2<f32>,
 }
 
-// i times a number.
+// Multiplies a complex number by i.
 fn turned(number: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(-number.y, number.x);
 }
 
-// Radix-4 step of the transform, with twiddle factors of −`turns`.
+// Radix-4 step of the Fourier transform, with the twiddle factors of −`turns`.
 fn forward_step(q: Quad, turns: f32) -> Quad {
     let w = phasor(-turns);
     let w2 = times(w, w);
@@ -39,7 +41,7 @@ fn forward_step(q: Quad, turns: f32) -> Quad {
     return Quad(even + sum, times(even - sum, w2), times(odd + difference, w), times(odd - difference, times(w2, w)));
 }
 
-// Radix-4 step of the inverse.
+// Radix-4 step of the inverse transform, with the twiddle factors of `turns`.
 fn inverse_step(q: Quad, turns: f32) -> Quad {
     let w = phasor(turns);
     let w2 = times(w, w);
@@ -64,18 +66,18 @@ fn store(at: u32, apart: u32, q: Quad) {
     field[at + 3u * apart] = q.d;
 }
 
-// First of the four places of a step.
+// Index of the first of the four elements of the `i`-th step; they are `apart` apart.
 fn place(i: u32, apart: u32) -> u32 {
     let j = i % apart;
     return 4u * (i - j) + j;
 }
 
-// Whether the transform has a step of radix 2.
+// Whether the transform needs a step of radix 2.
 fn has_radix_2() -> bool {
     return countTrailingZeros(aperture.cells) % 2u == 1u;
 }
 
-// Spectrum of the field, in bit-reversed order, without the last step.
+// Transforms the field to its spectrum in bit-reversed order, except for the last step.
 fn forward(thread: u32) {
     var block = aperture.cells;
     if has_radix_2() {
@@ -98,7 +100,7 @@ fn forward(thread: u32) {
     }
 }
 
-// The last step of the transform, the propagation to a plane, and the first step of the inverse: on the same places.
+// Last step of the transform, propagation to a depth plane, and first step of the inverse: all on the same elements.
 fn propagate_spectrum(thread: u32, plane: u32) {
     let shift = countLeadingZeros(aperture.cells) + 1u;
     for (var i = thread; i < aperture.cells / 4u; i += THREADS) {
@@ -116,7 +118,8 @@ fn step_of(k: u32, plane: u32, shift: u32) -> vec2<f32> {
     return steps[plane * aperture.cells + (reverseBits(k) >> shift)];
 }
 
-// The field of a spectrum in bit-reversed order, times the number of cells, without the first step.
+// Transforms a spectrum in bit-reversed order back to the field, except for the first step. The result is multiplied by
+// the number of cells.
 fn inverse(thread: u32) {
     var block = 16u;
     for (; block <= aperture.cells; block *= 4u) {
@@ -146,7 +149,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     let mode = modes[slot];
     let period = i32(aperture.beams * aperture.node_cells);
     for (var cell = local.x; cell < cells; cell += THREADS) {
-        // Whole turns are taken off as integers.
+        // Integer arithmetic removes whole turns.
         let turns = ((mode * (i32(cell) - i32(cells / 2u))) % period + period) % period;
         let wave = phasor(f32(turns) / f32(period));
         field[cell] = select(vec2<f32>(0.0), face[cell] * wave, mode != MODE_NONE);

@@ -1,14 +1,14 @@
-// What the receiver adds to the focused lines: noise, clutter near the face, and reverberation where it is not coupled.
-// In and out: complex [scanlines × row_samples], two samples per vector. Two samples per thread.
+// Adds what the receiver adds to the focused lines: noise, clutter near the face, and reverberation of uncoupled parts
+// of the face. In and out: complex [scanlines × row_samples], two samples per vector and thread.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<Segment>;
-// Reverberation and clutter of each sample near the face [scanlines × near_samples].
+// Baseband of reverberation and clutter at the samples near the face [scanlines × near_samples].
 @group(0) @binding(3) var<storage, read> near_field: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> focused: array<vec4<f32>>;
 
-// Factor of what is added.
+// Factor on everything that the receiver adds.
 const ADDED: f32 = 1.0;
 
 @compute @workgroup_size(64)
@@ -21,7 +21,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = (line * params.row_samples + first) >> 1u;
     var value = focused[at];
     if first < params.near_samples {
-        // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
+        // ln of the two-way amplitude that the face passes. What does not pass reverberates in the probe.
         let ln_passed = max(segments[axial_path_of(line) * SEGMENTS].ln_passed_at_zero, 2.0 * LN_UNCOUPLED);
         let reverberation = ADDED * (1.0 - exp(0.5 * ln_passed)) * params.reverberation;
         let clutter = ADDED * exp(max(ln_passed, LN_UNCOUPLED)) * params.clutter;

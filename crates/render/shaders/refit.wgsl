@@ -1,12 +1,13 @@
-// Boxes of the nodes above moved triangles; the tree's topology is kept. Ylitie et al. 2017, as crates/core/src/anatomy/bvh/refit.rs.
+// Refits the boxes of nodes above moved triangles; the tree's topology is kept. Ylitie et al. 2017, as in
+// crates/core/src/anatomy/bvh/refit.rs.
 // In: triangles, exact boxes of lower nodes. Out: nodes and their exact boxes. One thread per node of a level.
 
 @group(0) @binding(0) var<uniform> step_of: Step;
 @group(0) @binding(1) var<uniform> motion: Motion;
-// Node, and the bit set of the fields that move its tree.
+// Index of a node, and the bit set of the fields that move its part of the tree.
 @group(0) @binding(2) var<storage, read> order: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> triangles: array<vec4<u32>>;
-// Minimum and maximum corner of each node, mm.
+// Minimum and maximum corner of each node's exact box, mm.
 @group(0) @binding(4) var<storage, read_write> extents: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> nodes: array<vec4<u32>>;
 
@@ -15,7 +16,7 @@ struct Box {
     high: vec3<f32>,
 }
 
-// Box of `count` triangles from `first` on.
+// Box around `count` triangles from index `first` on.
 fn box_of_leaf(first: u32, count: u32) -> Box {
     var all = Box(vec3<f32>(BEYOND_MM), vec3<f32>(-BEYOND_MM));
     for (var i = first; i < first + count; i++) {
@@ -27,11 +28,11 @@ fn box_of_leaf(first: u32, count: u32) -> Box {
     return all;
 }
 
-// Exponent of the smallest power of two of which 255 cover `extent_mm`.
+// Biased exponent of the smallest power of two such that 255 of it cover `extent_mm`.
 fn step_exponent(extent_mm: f32) -> u32 {
     let least = bitcast<u32>(max(extent_mm, 1.0e-20) * (1.0 / 255.0));
     let exponent = (least + 0x007fffffu) >> 23u;
-    // A product may round below the quotient.
+    // A product may round to less than the quotient.
     return select(exponent, exponent + 1u, bitcast<f32>(exponent << 23u) * 255.0 < extent_mm);
 }
 
@@ -73,7 +74,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let size = whole.high - whole.low;
     let exponents = vec3<u32>(step_exponent(size.x), step_exponent(size.y), step_exponent(size.z));
-    // Powers of two: products are exact.
+    // Products with powers of two are exact.
     let per_mm = bitcast<vec3<f32>>((vec3<u32>(254u) - exponents) << vec3<u32>(23u));
     var low_bytes: array<vec3<u32>, 2>;
     var high_bytes: array<vec3<u32>, 2>;

@@ -1,10 +1,10 @@
-// From scanlines to pixels: B-mode and, with MAPS, segmentation and attenuation in one pass. A thread makes one word:
-// four pixels of a row. Words outside the sector have no thread and stay zero.
-// The attenuation leaves as 16 bits a pixel, those of its square root: dark levels keep more digits.
+// From scanlines to pixels: B-mode and, with MAPS, segmentation and attenuation. A thread makes one word of four pixels
+// in a row. Words outside the sector have no thread and stay zero.
+// The attenuation leaves as its square root in 16 bits per pixel, which keeps more digits of dark levels.
 
 @group(0) @binding(0) var<uniform> params: Params;
-// For each word that overlaps the sector, four pixel centres as fractions of the sector's width (lowest ACROSS_BITS
-// bits) and depth; all ones are outside.
+// For each word that overlaps the sector, the centres of its four pixels as fractions of the sector's width (lowest
+// ACROSS_BITS bits) and depth; OUTSIDE beyond the sector.
 @group(0) @binding(1) var<storage, read> pixels: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> polar: array<u32>;
 @group(0) @binding(3) var<storage, read> raster: array<u32>;
@@ -13,10 +13,10 @@
 @group(0) @binding(6) var<storage, read_write> bmode: array<u32>;
 @group(0) @binding(7) var<storage, read_write> segmentation: array<u32>;
 @group(0) @binding(8) var<storage, read_write> attenuation: array<vec2<u32>>;
-// Index of each of those words in the image.
+// Index in the image of each word that overlaps the sector.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
 
-// Whether the maps are written in addition to the image.
+// Whether segmentation and attenuation are written in addition to the image.
 override MAPS: bool = true;
 
 const ACROSS_SCALE: f32 = 1.0 / f32((1u << ACROSS_BITS) - 2u);
@@ -29,7 +29,7 @@ struct Pixel {
     root: u32,
 }
 
-// One-way Σμ and tissue of a map ray at a depth.
+// Σμ (one way) and tissue on a map ray at a depth.
 struct Section {
     sum_np: f32,
     tissue: u32,
@@ -48,7 +48,7 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     let sum0 = raster_sum(before);
     var sum = sum0 + rate0 * beyond_mm;
     var tissue = before & 255u;
-    // A boundary before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
+    // The medium ends before the next depth. A loop, not an `if`: software devices skip a loop that no thread enters.
     loop {
         if (before & WHOLE) != 0u {
             break;
@@ -59,10 +59,10 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
             sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
             break;
         }
-        // Between two tissues: Σμ at both depths gives the position of the boundary.
+        // Between two tissues, Σμ at both depths gives the position of the boundary.
         let rate1 = ONE_WAY * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
-        // Unknown if both attenuate alike: halfway is within half a pixel.
+        // If both attenuate alike, the position is unknown; halfway is within half a step.
         var boundary_mm = 0.5 * params.map_step_mm;
         if abs(contrast) > CONTRAST_MIN_NP_MM {
             boundary_mm = clamp((sum1 - sum0 - rate1 * params.map_step_mm) / contrast, 0.0, params.map_step_mm);
@@ -74,12 +74,12 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     return Section(sum, tissue);
 }
 
-// Fractions of the sector's width and depth of a packed position.
+// Fractions of the sector's width and depth from a packed position.
 fn unpacked(position: u32) -> vec2<f32> {
     return vec2<f32>(f32(i32(position & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE, f32(i32(position >> ACROSS_BITS)) * DEPTH_SCALE);
 }
 
-// The pixel at a position on the scanlines, which may be steered, and at its position in the maps, which are not.
+// A pixel from its packed positions on the scanlines, which may be steered, and on the map rays, which are not.
 fn convert(position: u32, map_position: u32, percentile_np: f32) -> Pixel {
     let at = unpacked(position);
     let across = at.x;
@@ -90,7 +90,7 @@ fn convert(position: u32, map_position: u32, percentile_np: f32) -> Pixel {
     let row0 = u32(i32(line)) * params.row_samples;
     let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
     let along = fract(sample);
-    // A word holds a sample and the next; at the last one `along` is 0.
+    // A word holds a sample and the next one; at the last sample, `along` is 0.
     let a = unpack2x16unorm(polar[row0 + sample0]);
     let b = unpack2x16unorm(polar[row1 + sample0]);
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
@@ -102,7 +102,8 @@ fn convert(position: u32, map_position: u32, percentile_np: f32) -> Pixel {
     let map_at = unpacked(map_position);
     let mapped = map_position != OUTSIDE;
     let depth_mm = map_at.y * params.depth_mm;
-    // Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the tissue is the nearer ray's.
+    // Σμ is interpolated between map rays, and extrapolated by up to half a spacing beyond the outer ones. The tissue
+    // is that of the nearer ray.
     let ray = map_at.x * f32(params.map_rays) - 0.5;
     let first = min(u32(i32(max(ray, 0.0))), max(params.map_rays, 2u) - 2u);
     let part = clamp(ray - f32(i32(first)), -0.5, 1.5);
@@ -121,7 +122,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.sector_words {
         return;
     }
-    // The straight positions come first, then those of the looks.
+    // Positions on straight scanlines come first, then those for each steering angle.
     let positions = pixels[params.angle_words + id.x];
     let straight = pixels[id.x];
     let word = words[id.x];

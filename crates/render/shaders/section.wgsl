@@ -1,7 +1,8 @@
 // Media along straight map rays: the cross-section of the surfaces, and the attenuation from the face.
-// Out: for each map ray up to ENTRIES runs [start mm, one-way Σμ at the start in nepers, μ nepers/mm, tissue], and one
-// word per map_step_mm of depth. The word holds Σμ as f32 without its sign and lowest 8 bits, the bit WHOLE if the run
-// reaches the next depth, and the tissue in the lowest 8 bits.
+// Out: for each map ray, up to ENTRIES runs, which are stretches of one medium [start mm, one-way Σμ at the start in
+// nepers, μ in nepers/mm, tissue].
+// Out: one raster word per map_step_mm of depth. It holds Σμ as f32 without its sign and lowest 8 bits, the bit WHOLE
+// if the run reaches the next depth, and the tissue in the lowest 8 bits.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -16,16 +17,16 @@
 
 const CROSSINGS: u32 = CROSSINGS_OF_A_MAP_RAY;
 
-// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
+// Threads started for each one that traces a map ray: idle threads between them save waiting within a subgroup.
 override LANES_APART: u32 = 1u;
 
-// The second dispatch of a frame: the raster from the runs, a thread for DEPTHS depths of a ray.
+// Whether this is the second dispatch of a frame, which makes the raster from the runs; a thread makes DEPTHS words.
 override RASTER: bool = false;
 override DEPTHS: u32 = 1u;
 
 const THREADS: u32 = 32u;
 
-// Number of a ray's runs that end at or before a depth.
+// Number of runs of a ray that end at or before a depth.
 fn runs_before(ray: u32, at_mm: f32) -> u32 {
     var low = 0u;
     var high = entry_counts[ray] - 1u;
@@ -51,7 +52,7 @@ fn rasterise(index: u32) {
     var run = runs_before(ray, f32(depth) * params.map_step_mm);
     while depth < limit {
         let entry = entries[ray * ENTRIES + run];
-        // The last run has no end.
+        // The last run extends beyond every depth.
         var end = 2.0 * params.depth_mm + 1.0;
         if run + 1u < entry_counts[ray] {
             end = entries[ray * ENTRIES + run + 1u].x;
@@ -80,7 +81,7 @@ fn cut(ray: u32) {
     while i < crossing_count && crossing_t[i] <= 0.0 {
         i = cross_coincident(i);
     }
-    // A ray whose part of the face is not coupled is all air.
+    // If the ray's part of the face is not coupled, the whole ray is in air.
     let down = dot(direction, params.axial.xyz);
     let ahead_mm = crossing_t[min(i, CROSSINGS - 1u)];
     let coupled = coupling_of(map_rays[2u * ray].z, down, ahead_mm, i >= crossing_count) >= COUPLED_MIN;

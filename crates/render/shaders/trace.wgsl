@@ -1,7 +1,8 @@
 // Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
-// In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
-// interface that it begins at. One thread per path, or a few lanes (path_by_lanes.wgsl): rays fastest, then scanlines, then
-// layers; then the axial paths.
+// In: ray table, BVH, surfaces around each start. Out: for each path up to SEGMENTS straight segments, each with the
+// echo of the interface that it begins at.
+// A path by one thread (shared/path_alone.wgsl) or by a few lanes (shared/path_by_lanes.wgsl). Order of paths: rays
+// fastest, then scanlines, then layers; then the axial paths.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -14,29 +15,30 @@
 // Range at which each segment starts, mm; after the last one, a range beyond every sample.
 @group(0) @binding(8) var<storage, read_write> starts: array<f32>;
 @group(0) @binding(9) var<storage, read_write> segments: array<Segment>;
-// Amplitude and range (mm) of the echo of the interface that a segment begins at.
+// Amplitude, and range in mm, of the echo of the interface that a segment begins at.
 @group(0) @binding(10) var<storage, read_write> echoes: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read_write> segment_counts: array<u32>;
-// Segment that holds the first sample of each block of HINT_BLOCK, four to a word.
+// Index of the segment that contains the first sample of each block of HINT_BLOCK samples, four to a word.
 @group(0) @binding(12) var<storage, read_write> hints: array<u32>;
-// Displacement of each triangle from its rest position, mm; only read if MOVING.
+// Displacement of each triangle from its rest position, mm; read if MOVING.
 @group(0) @binding(13) var<storage, read> displacements: array<vec4<f32>>;
-// Amplitude, one way, that the face passes into the body.
+// One-way amplitude that each path's part of the face passes into the body.
 @group(0) @binding(14) var<storage, read> couplings: array<f32>;
 
 // Whether anything in the scene moves.
 override MOVING: bool = false;
-// Effects that are simulated. For one that is off, the tables hold values with which its arithmetic does nothing.
+// Effects that are simulated. If one is off, the tables also hold values with which its arithmetic does nothing.
 override REFRACTION: bool = true;
 override INTERFACE_ECHOES: bool = true;
 override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
 override APERTURE: bool = false;
 
-// Capacity for the crossings of the line up to the first reflection; behind it, for coincident ones.
+// Capacity for the crossings of a path up to its first reflection, and then for coincident ones.
 const CROSSINGS: u32 = CROSSINGS_OF_A_PATH;
 
-// Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
+// Normal of a random microfacet on a surface with normal `n`: Beckmann's distribution of slopes, with mean square
+// `variance`. `u` and `v` are random numbers in 0..1.
 fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
     let slope = sqrt(max(-variance * log(max(1.0 - u, 1.0e-7)), 0.0));
     let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 1.0, 0.0), abs(n.x) > 0.7);
@@ -46,20 +48,20 @@ fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
     return normalize(n + slope * (cos(angle) * tangent + sin(angle) * bitangent));
 }
 
-// Mean square slope of the reflected rays that the aperture accepts from `range_mm`.
+// Mean square slope of the reflected rays that the aperture accepts from a surface at `range_mm`.
 fn aperture_variance(range_mm: f32) -> f32 {
     let half_angle = clamp(APERTURE_HALF_ANGLE * params.aperture_mm / max(range_mm, 1.0), APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX);
     return half_angle * half_angle;
 }
 
-// Fraction of a reflected beam's energy within the aperture, for a surface of slope variance `variance`.
+// Fraction of a reflected beam's energy that falls into the aperture, for a surface whose slopes have this variance.
 fn acceptance(variance: f32, range_mm: f32) -> f32 {
     let aperture = aperture_variance(range_mm);
     return aperture / (aperture + variance);
 }
 
-// Fraction of an echo's pressure that returns: a Gaussian lobe about the facet, and a diffuse floor. The lobe's
-// variance is the aperture's plus half of the squared roughness.
+// Fraction of the reflected pressure that returns to the aperture: a Gaussian lobe about the facet, and a diffuse part.
+// The lobe's variance is the aperture's plus half of the squared roughness.
 fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     let rough2 = roughness * roughness;
     let lobe2 = aperture_variance(range_mm) + 0.5 * rough2;
@@ -70,8 +72,8 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     return sqrt(specular + diffuse);
 }
 
-// The triangle that is the interface among the coincident crossings from `first` to before `end`: the first in the
-// scene of those of the highest surface.
+// Triangle that acts as the interface among the coincident crossings `first`..`end`. It belongs to the highest surface;
+// of several, it is the first one in the scene.
 fn interface_of(first: u32, end: u32) -> u32 {
     var chosen = 0u;
     var chosen_surface = 0u;
@@ -97,11 +99,11 @@ fn trace_path(path: u32) {
     let line_ray = params.line_first * params.rays + path % of_layer;
     // Axial paths are the same in all batches.
     let layer = select(params.layer_first + path / of_layer, 0u, is_axial);
-    // Over rays and layers, echoes in phase add in amplitude, others in power.
-    // An axial path's echoes replace those that reflected paths miss.
+    // Over rays and layers, echoes in phase add in amplitude, others in power. An axial path has full weight, since its
+    // echoes replace those that reflected paths miss.
     let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, is_axial);
     let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
-    // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
+    // The range of a straight path is its depth: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = elevation_of(path).z;
 
     for (var word = 0u; word < 8u; word++) {
@@ -112,13 +114,13 @@ fn trace_path(path: u32) {
     var direction = ray.direction;
     let face_depth_mm = dot(vec3<f32>(params.lateral.w, params.elevational.w, params.axial.w), params.axial.xyz);
     var range_mm = 0.0;
-    // Range that this path saved in fast hard bodies. Sound of the aperture goes past such bodies and saves none.
+    // Range that this path saved in fast hard bodies, mm. The aperture's sound goes past such bodies and saves none.
     var behind_mm = 0.0;
     let coupling = couplings[path];
     let ln_coupling = select(2.0 * max(log(max(coupling, 1.0e-37)), LN_UNCOUPLED), 0.0, coupling == 1.0);
     var ln_amplitude = ln_coupling;
-    // ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
-    // half of an interface's loss; this is the other half.
+    // ln of a factor for scatterers alone. Their powers add over the paths, so the random choice of reflection makes
+    // half of an interface's loss in nepers; this is the other half.
     var ln_scatter = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
@@ -131,13 +133,15 @@ fn trace_path(path: u32) {
     var echo_range_mm = 0.0;
     var count = 0u;
     var t_min = 0.0;
-    // Without coupling the path ends, unless apertures nearby may reach what lies below.
+    // Without coupling the path ends. With APERTURE it goes on, since other parts of the face may reach what lies
+    // below.
     var open = coupling > 0.0 || APERTURE;
     var lost = 0u;
     var crossed = 0u;
-    // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
+    // Displacement of the medium from rest, mm: scatterers are looked up at rest, so that speckle moves with its
+    // tissue.
     var carried_mm = vec3<f32>(0.0);
-    // A path is a line until it reflects: one traversal finds its crossings, up to `known_mm`.
+    // A path is straight until it reflects. One traversal finds its crossings, which are complete up to `known_mm`.
     let start = origin;
     let line_mm = FAST_MEDIA * stretch * params.depth_mm;
     if open {
@@ -148,19 +152,19 @@ fn trace_path(path: u32) {
     var travelled_mm = 0.0;
     var next = 0u;
     loop {
-        // Writes the segment that begins here. Segments beyond the capacity replace the last one: the stretch before
-        // them counts as the medium before.
+        // Writes the segment that begins here. Once the capacity is used up, it replaces the last one, whose stretch
+        // then counts as the medium before.
         count = min(count, SEGMENTS - 1u);
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
-        // Whether the aperture's gain replaces the path's loss.
+        // Whether the aperture gain replaces the path's own loss.
         let by_aperture = APERTURE && !has_reflected;
-        // For the aperture, slow hard media delay nothing behind them.
+        // With the aperture, slow hard media delay nothing beyond them.
         let speed_ratio_here = select(tissue.speed_ratio, max(tissue.speed_ratio, tissue.aperture_speed_ratio), by_aperture);
         let path_per_range = speed_ratio_here * stretch;
         let aperture_path_per_range = select(path_per_range, tissue.aperture_speed_ratio * stretch, by_aperture);
         let step = direction * path_per_range;
-        // The loss of a fast body is spread over the range that it has for the aperture.
+        // The loss of a fast body is spread over the range that the body takes up for the aperture.
         let fall = tissue.attenuation_np_mm * aperture_path_per_range;
         if is_writer() {
             starts[path * STARTS + count] = range_mm;
@@ -207,7 +211,7 @@ fn trace_path(path: u32) {
                 done = true;
                 break;
             }
-            // Coincident crossings: that one and all others within TOUCH_MM of it.
+            // Coincident crossings: the nearest one, and all others within TOUCH_MM of it.
             if !on_line {
                 next = 0u;
                 crossing_count = 1u;
@@ -255,11 +259,11 @@ fn trace_path(path: u32) {
             normal = -normal;
         }
         let beyond = tissues[there];
-        // An interface has the larger roughness and thickness, and the smaller coherence, of its two sides.
+        // An interface has the larger roughness and thickness of its two sides, and the smaller coherence.
         let roughness = max(tissue.roughness, beyond.roughness);
         let thickness_mm = max(tissue.thickness_mm, beyond.thickness_mm);
         let coherence = min(tissue.coherence, beyond.coherence);
-        // Half of the roughness tilts the facet, half widens the lobe about it.
+        // Half of the roughness tilts the facet, the other half widens the lobe about the facet.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
         if ROUGHNESS && variance > 0.0 && (!is_axial || params.rays * params.layers == 1u) {
@@ -271,13 +275,13 @@ fn trace_path(path: u32) {
         // Echoes depend on the facet; paths follow the mean surface.
         let cos_facet = clamp(-dot(facet, direction), 0.0, 1.0);
         let cos_incident = clamp(-dot(normal, direction), 0.0, 1.0);
-        // A division may round x/x to other than 1.
+        // A division may round x/x to a number other than 1.
         let speed_ratio = select(beyond.bending / tissue.bending, 1.0, beyond.bending == tissue.bending);
         let z1 = tissue.impedance_mrayl;
         let z2 = beyond.impedance_mrayl;
         let split = interface_between(z1, z2, speed_ratio, cos_incident);
 
-        // Echo, shifted within the interface's thickness by a hash of the position.
+        // The echo is shifted within the interface's thickness by a hash of the position.
         echo_range_mm = range_mm;
         if INTERFACE_ECHOES {
             var at_facet = split;
@@ -287,17 +291,17 @@ fn trace_path(path: u32) {
             let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * SURFACE_SALT)).x) - 0.5;
             echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
-            // The aperture's gain replaces the path's loss, in `echo`.
+            // For a path that has not reflected, the pass `echo` applies the aperture gain instead of the path's loss.
             let ln_arriving = select(ln_amplitude, 0.0, APERTURE && !has_reflected);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
                 * select(0.0, exp(max(ln_arriving, LN_SILENT)), ln_arriving > LN_SILENT);
         }
 
-        // Reflects with probability R, else transmits; reflections that hardly return are not followed. An axial path
-        // takes the likelier way, so scatterer positions don't depend on chance.
+        // Reflects with probability R, else transmits. Reflections that hardly return are not followed. An axial path
+        // takes the likelier way, so that positions of scatterers don't depend on chance.
         let accepted = acceptance(roughness * roughness, range_mm);
         let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-        // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind it.
+        // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees beyond it.
         let reflects = REFLECTIONS && !(APERTURE && is_axial) && (split.energy_reflection >= 1.0
             || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, is_axial) < split.energy_reflection));
         let ln_through = log(max(1.0 - split.energy_reflection, 1.0e-30));
@@ -308,7 +312,7 @@ fn trace_path(path: u32) {
             on_line = false;
             reflections++;
             open = reflections <= params.reflections_max;
-            // A rough surface spreads part of the beam beyond the aperture, both ways.
+            // A rough surface spreads part of the beam beyond the aperture, when sent and when received.
             ln_amplitude += log(accepted);
             ln_scatter += 0.5 * log(max(split.energy_reflection, 1.0e-30));
             var turned = direction + 2.0 * cos_facet * facet;
@@ -324,14 +328,14 @@ fn trace_path(path: u32) {
             }
             here = there;
             if by_aperture && beyond.speed_ratio <= beyond.aperture_speed_ratio {
-                // Echoes from behind a fast body go past it, so the range that it took off is added again.
+                // Sound from beyond a fast body goes past the body, so the range that it saved is added again.
                 range_mm += behind_mm;
                 behind_mm = 0.0;
             }
             if MOVING {
                 carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
             }
-            // Beams bend by the delays over the aperture, not by the facet that a path meets.
+            // Until a path reflects, beams bend by the delays over the aperture, not by the facet that the path meets.
             if REFRACTION && has_reflected {
                 let cos_beyond = split.cos_transmitted;
                 let bent = speed_ratio * direction + (speed_ratio * cos_incident - cos_beyond) * normal;

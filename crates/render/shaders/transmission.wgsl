@@ -1,30 +1,31 @@
-// Transmission of the scan plane: what each cell of each interval lets pass, and by how much it delays it, from the loss
-// and the speed along the paths.
-// Out: transmission over the greatest of each row, with the phase of the delay against the middle cell [planes × cells];
-// loss of that greatest one, one-way nepers [planes]. A thread per cell, then a workgroup per plane.
+// Transmission and delay of each cell in each depth interval of the scan plane, from loss and speed along the paths.
+// Out: transmission relative to the greatest one in the interval [planes × cells], and the loss of that one, one-way
+// nepers [planes]. The phase of a transmission is the delay relative to the middle cell. A thread per cell, then a
+// workgroup per depth plane.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
-// Rays of each cell: the first, the distance to the next, their number, and the parts of the first and of the last ray
-// within the cell.
+// Rays that cross each cell: the first one, the step to the next, their number, and the fractions of the first and last
+// ray that lie in the cell.
 @group(0) @binding(4) var<storage, read> cell_rays: array<vec4<u32>>;
-// Between batches: means over the layers of the fourth power of the transmission, and of the delay in mm.
+// Between batches: means over the layers of the transmission's fourth power, and of the delay in mm.
 @group(0) @binding(5) var<storage, read_write> transmissions: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read> rays: array<vec4<f32>>;
 // Between batches of scanlines of one layer: sums over the rays of each cell.
 @group(0) @binding(8) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
-// The second dispatch of a frame: what each row has in common.
+// Whether this is the second dispatch of a frame, which takes out what the cells of an interval share.
 override ROWS: bool = false;
 
 const THREADS: u32 = 64u;
 
 var<workgroup> greatest: array<f32, THREADS>;
 
-// Segment that holds a range, from segment `first` on, or the first behind a reflection.
+// Index of the segment that contains a range, or of the first one after a reflection. The search starts at segment
+// `first`.
 fn own_segment(path: u32, first: u32, range_mm: f32) -> u32 {
     var at = first;
     while starts[path * STARTS + at + 1u] <= range_mm && !has_reflected(path, at) {
@@ -33,8 +34,8 @@ fn own_segment(path: u32, first: u32, range_mm: f32) -> u32 {
     return at;
 }
 
-// Loss of a path at a range on its own segment `at`; from its first reflection on, it rises as that of its scanline's
-// axial path. What the face does not couple is lost in the first interval.
+// Loss of a path from the face to a range on its segment `at`. From its first reflection on, it rises as that of its
+// scanline's axial path. What the face does not couple is lost in the first interval.
 fn path_loss(path: u32, axial_path: u32, at: u32, range_mm: f32) -> f32 {
     if range_mm == 0.0 {
         return 0.0;
@@ -49,14 +50,14 @@ fn path_loss(path: u32, axial_path: u32, at: u32, range_mm: f32) -> f32 {
     return reflected_np + (loss_on(axial_path, here, range_mm) - loss_on(axial_path, before, reflected_mm));
 }
 
-// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes past.
+// Delay of a segment, mm per mm of range: 1 less its path per depth. It is 0 in hard media, which sound goes past.
 fn delay_rate(path: u32, at: u32, stretch: f32) -> f32 {
     let rate = 1.0 - length(segments[path * SEGMENTS + at].step) / stretch;
     return select(0.0, rate, abs(rate) >= DELAY_MIN && abs(rate) <= HARD_SPEED);
 }
 
-// Range less depth that a path gains between two ranges, mm, from the segment that holds the first, up to its first
-// reflection; that one's range in y, else `to`.
+// In x, the delay of a path between two ranges, mm, from segment `first` on. Unless `follow`, it ends at the first
+// reflection. In y, the range where it ends, at most `to_mm`.
 fn delay_between(path: u32, stretch: f32, first: u32, from_mm: f32, to_mm: f32, follow: bool) -> vec2<f32> {
     var late_mm = 0.0;
     var at = first;
@@ -75,8 +76,8 @@ fn delay_between(path: u32, stretch: f32, first: u32, from_mm: f32, to_mm: f32, 
     return vec2<f32>(late_mm + (to_mm - low) * delay_rate(path, at, stretch), to_mm);
 }
 
-// Delay of a path between two ranges, mm, from its own segment `at`; from its first reflection on, it rises as that of its
-// scanline's axial path.
+// Delay of a path between two ranges, mm, from its segment `at` on. From its first reflection on, it rises as that of
+// its scanline's axial path.
 fn path_delay(path: u32, axial_path: u32, at: u32, from_mm: f32, to_mm: f32) -> f32 {
     let own = delay_between(path, elevation_of(path).z, at, from_mm, to_mm, false);
     if own.y >= to_mm {
@@ -85,8 +86,8 @@ fn path_delay(path: u32, axial_path: u32, at: u32, from_mm: f32, to_mm: f32) -> 
     return own.x + delay_between(axial_path, 1.0, segment_from(axial_path, 0u, own.y), own.y, to_mm, true).x;
 }
 
-// Sums of a cell over its rays in one layer: of the transmission, of the delay in mm, and of the weights. `before` holds the first
-// two over the scanlines before this batch's.
+// Sums over the rays of a cell in one layer: transmission, delay in mm, and weights. `before` holds the first two sums
+// over earlier batches of scanlines.
 fn ray_sums(cell: u32, layer: u32, from_mm: f32, to_mm: f32, before: vec2<f32>) -> vec3<f32> {
     let of_cell = cell_rays[cell];
     let parts = unpack2x16unorm(of_cell.w);
@@ -99,7 +100,7 @@ fn ray_sums(cell: u32, layer: u32, from_mm: f32, to_mm: f32, before: vec2<f32>) 
         let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == of_cell.z);
         total += weight;
         let of_batch = line_ray - params.line_first * params.rays;
-        // Scanlines before the batch's wrap to great numbers.
+        // For scanlines before the batch, the difference wraps to a large number.
         if of_batch >= here {
             continue;
         }
@@ -136,7 +137,7 @@ fn add_layers(plane: u32, cell: u32) {
             partial_sums[at] = sums.xy;
             return;
         }
-        // Powers of layers add, on both ways.
+        // Two-way powers of the layers are averaged: fourth powers of the transmission.
         let mean = sums.x / sums.z;
         means.x += (mean * mean) * (mean * mean) / f32(params.layers);
         means.y += sums.y / (sums.z * f32(params.layers));
@@ -145,7 +146,7 @@ fn add_layers(plane: u32, cell: u32) {
     transmissions[at] = vec2<f32>(select(means.x, sqrt(sqrt(means.x)), ends), means.y);
 }
 
-// Divides a row by its greatest transmission, and turns delays into phases.
+// Divides the transmissions of a depth interval by the greatest one, and turns delays into phases.
 fn finish_row(plane: u32, thread: u32) {
     let row = plane * aperture.cells;
     var best = TRANSMISSION_MIN;
@@ -158,7 +159,7 @@ fn finish_row(plane: u32, thread: u32) {
     for (var i = 0u; i < THREADS; i++) {
         best = max(best, greatest[i]);
     }
-    // Every thread has read the middle cell.
+    // From here on, every thread has read the middle cell.
     storageBarrier();
     for (var cell = thread; cell < aperture.cells; cell += THREADS) {
         let value = transmissions[row + cell];

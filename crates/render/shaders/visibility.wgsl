@@ -1,28 +1,29 @@
-// Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
-// Out: [scanlines × (planes + 1)] position among the planes, loss of the axial path (one-way nepers), gain at the plane
-// before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
+// Gain along each scanline: what the aperture sees of the scatterers at a depth, relative to a medium without loss.
+// Out, at each boundary of the depth intervals [scanlines × (planes + 1)]: position among the depth planes; loss of the
+// axial path; gain at the plane before; loss that all scanlines share. Losses are in one-way nepers, the gain is in
+// nepers of two-way amplitude. A thread per scanline.
 //
-// The position of a scanline among the planes follows its own loss: before an obstacle it stays at the plane before it,
-// behind the obstacle at the plane behind, wherever in an interval the obstacle lies.
+// The position of a scanline among the depth planes follows its own loss. Before an obstacle it stays at the plane
+// before it, and beyond the obstacle at the plane beyond, wherever in an interval the obstacle lies.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
-// Position of each scanline, in cells.
+// Lateral position of each scanline, in cells.
 @group(0) @binding(4) var<storage, read> line_cells: array<f32>;
 @group(0) @binding(5) var<storage, read> powers: array<f32>;
 @group(0) @binding(6) var<storage, read> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read_write> line_gains: array<vec4<f32>>;
-// Gain of each block of samples as amplitude, and its position among the planes [scanlines × blocks].
+// Gain (as an amplitude) of each block of samples, and its position among the depth planes [scanlines × blocks].
 @group(0) @binding(8) var<storage, read_write> block_gains: array<vec2<f32>>;
 
 fn node_root(plane: u32, node: u32) -> f32 {
     return sqrt(sqrt(max(powers[plane * aperture.cells + node], VISIBLE_MIN)));
 }
 
-// Gain of a scanline at a plane, interpolated between the beams. In between, the fourth root follows the edge of a shadow
-// better than the power or its logarithm.
+// ln of the gain of a scanline at a depth plane, interpolated between the beams. The fourth root of the power is
+// interpolated: it follows the edge of a shadow better than the power or its logarithm.
 fn plane_gain(line: u32, plane: u32) -> f32 {
     let node_cells = node_cells_at(plane);
     let node = clamp(line_cells[line] / f32(node_cells), 0.0, f32(aperture.cells / node_cells) - 1.001);
@@ -42,13 +43,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var at = 0u;
     var begins_np = loss_on(axial_path, 0u, 0.0);
     var shared_np = 0.0;
-    // Position within the interval of the last loss, 0..1.
+    // Where in its interval the latest loss occurred, 0..1.
     var last = 0.5;
     line_gains[row] = vec4<f32>(-0.5, begins_np, max(-2.0 * begins_np, VISIBLE_MIN_NP), 0.0);
     for (var interval = 0u; interval < aperture.planes; interval++) {
         let from_mm = f32(interval) * aperture.plane_mm;
         let to_mm = f32(interval + 1u) * aperture.plane_mm;
-        // Trapezoids of the pieces of the interval.
+        // Integral of the loss over the interval, by trapezoids between segment starts.
         var low = from_mm;
         var area = 0.0;
         while low < to_mm {
@@ -72,7 +73,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     at = 0u;
     let blocks = params.row_samples >> BLOCK_SHIFT;
     for (var block = 0u; block < blocks; block++) {
-        // At the first sample: a face within the block counts as not yet crossed.
+        // The gain at the block's first sample: an interface within the block counts as not yet crossed.
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
         at = segment_from(axial_path, at, range_mm);
         let position = position_of(line, range_mm, loss_on(axial_path, at, range_mm));

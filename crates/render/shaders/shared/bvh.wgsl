@@ -7,14 +7,14 @@ struct TriangleHit {
     facing: i32,
 }
 
-// 1 / v; components too small to divide by are replaced by ±10⁻¹².
+// 1 / v, with components too small to divide by replaced by ±10⁻¹².
 fn safe_reciprocal(v: vec3<f32>) -> vec3<f32> {
     let tiny = vec3<f32>(1.0e-12);
     return 1.0 / select(v, select(-tiny, tiny, v >= vec3<f32>(0.0)), abs(v) < tiny);
 }
 
-// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's origin.
-// Edges extend outward by a tolerance, so a shared edge is never missed.
+// Möller–Trumbore relative to the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
+// origin. Edges extend outward by a tolerance, so a shared edge is never missed.
 fn intersect_triangle(index: u32, origin: vec3<f32>, direction: vec3<f32>) -> TriangleHit {
     let w0 = bitcast<vec3<f32>>(triangles[3u * index].xyz);
     let w1 = bitcast<vec3<f32>>(triangles[3u * index + 1u].xyz);
@@ -42,7 +42,7 @@ fn octant_mask(direction: vec3<f32>) -> u32 {
         | select(0x01010101u, 0u, direction.z < 0.0);
 }
 
-// Hit bits of the child whose bytes begin at bit `shift`; 0 if the ray misses its box.
+// Hit bits of one child, whose bytes begin at bit `shift` of each word; 0 if the ray misses its box.
 fn child_mask(
     shift: u32, child_bits: u32, bit_index: u32, scale: vec3<f32>, base: vec3<f32>,
     low_x: u32, high_x: u32, low_y: u32, high_y: u32, low_z: u32, high_z: u32,
@@ -57,7 +57,7 @@ fn child_mask(
     return select(0u, bits, near <= far + 1.0e-4);
 }
 
-// Hit mask of half a node's children (four of eight): those that the ray hits between t_min and t_max.
+// Hit bits of four of a node's eight children: those that the ray meets between t_min and t_max.
 fn half_node_mask(
     meta4: u32, octant: u32, scale: vec3<f32>, base: vec3<f32>,
     low_x: u32, high_x: u32, low_y: u32, high_y: u32, low_z: u32, high_z: u32,
@@ -81,9 +81,10 @@ struct NodeHits {
     inner: u32,
 }
 
-// Boxes of a node's children, sorted by the ray's direction. Vectors of words hold children 0 to 3, then 4 to 7.
+// Boxes of a node's children, with near and far planes in the ray's order. Each pair of words holds children 0 to 3,
+// then 4 to 7.
 struct NodeBoxes {
-    // Distance along the ray per step of a box, and to the corner that steps count from.
+    // Distance along the ray per step of the box coordinates, and to their origin, on each axis.
     scale: vec3<f32>,
     base: vec3<f32>,
     metas: vec2<u32>,
@@ -96,7 +97,7 @@ struct NodeBoxes {
     child_base: u32,
     triangle_base: u32,
     inner: u32,
-    // Limits of the ray with their slack, mm.
+    // Limits of the ray, widened by a slack, mm.
     first: f32,
     last: f32,
 }
@@ -111,7 +112,7 @@ fn node_boxes(index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, t_min: f32, 
     let scale = bitcast<vec3<f32>>(exponents << vec3<u32>(23u)) * reciprocal;
     let base = (bitcast<vec3<f32>>(n0.xyz) - origin) * reciprocal;
     let back = reciprocal < vec3<f32>(0.0);
-    // Quantised boxes are exact, products are rounded: slack of 10⁻⁶ of the distance plus 1 µm.
+    // Quantised boxes are exact, but products are rounded: a slack of 10⁻⁶ of the distance plus 1 µm makes up for it.
     let slack = 1.0e-3 + 1.0e-6 * max(abs(t_min), abs(t_max));
     let first = t_min - slack;
     let last = t_max + slack;

@@ -1,6 +1,6 @@
-// Every crossing of a straight ray, sorted.
+// All crossings of a straight ray, sorted.
 
-// Crossings in (t_min, t_max]; those beyond CROSSINGS are lost and counted.
+// Collects the crossings in (t_min, t_max]. Those beyond the capacity CROSSINGS are lost and counted.
 fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     let reciprocal = safe_reciprocal(direction);
     let octant = octant_mask(direction);

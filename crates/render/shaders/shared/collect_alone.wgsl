@@ -1,6 +1,6 @@
-// Leaves of `collect` by one thread.
+// `collect_leaf` of `collect` by one thread.
 
-// Appends the crossings of a leaf's triangles: index of the first, and a bit for each.
+// Appends the crossings of a leaf's triangles, given by the index of the first one and a bit for each.
 fn collect_leaf(triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     var leaf = triangles_of;
     while leaf.y != 0u {
@@ -8,7 +8,7 @@ fn collect_leaf(triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>
         leaf.y &= ~(1u << offset);
         let index = leaf.x + offset;
         let hit = intersect_triangle(index, origin, direction);
-        // Appended here and sorted at the end: software devices run all of a loop's body for every thread.
+        // Crossings are sorted at the end of `collect`: software devices run all of a loop's body for every thread.
         let there = hit.facing != 0 && hit.t > t_min && hit.t <= t_max;
         let room = crossing_count < CROSSINGS;
         if there && room {

@@ -1,6 +1,7 @@
-// Leaves of `collect` by the lanes of a path together: the same crossings, found in the same order.
+// `collect_leaf` of `collect`, by the lanes of a path together. It finds the same crossings in the same order as one
+// thread.
 
-// Appends the crossings of a leaf's triangles: index of the first, and a bit for each.
+// Appends the crossings of a leaf's triangles, given by the index of the first one and a bit for each.
 fn collect_leaf(triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     var leaf = triangles_of;
     while leaf.y != 0u {
@@ -10,7 +11,7 @@ fn collect_leaf(triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>
         let hit = intersect_triangle(index, origin, direction);
         let there = share.is_some && hit.facing != 0 && hit.t > t_min && hit.t <= t_max;
         let key = index << 1u | select(0u, 1u, hit.facing > 0);
-        // In the order in which a path alone finds them.
+        // Appends in the order in which one thread finds them.
         var found = vote(there);
         while found != 0u {
             let lane = firstTrailingBit(found);

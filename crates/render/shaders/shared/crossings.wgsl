@@ -1,11 +1,11 @@
-// Crossings of a straight ray, up to the capacity CROSSINGS, which each pass defines.
+// Crossings of a straight ray with surfaces. Each pass defines their capacity CROSSINGS.
 
 var<private> crossing_t: array<f32, CROSSINGS>;
-// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
+// Index of the triangle in leaf order, shifted by one bit; the lowest bit is 1 if the ray enters the surface.
 var<private> crossing_key: array<u32, CROSSINGS>;
 var<private> crossing_count: u32;
 var<private> crossing_lost: u32;
-// Distance of the nearest one that was lost, mm.
+// Distance of the nearest crossing that was lost, mm.
 var<private> crossing_lost_mm: f32;
 
 // Insertion sort by distance, then by key: a traversal finds crossings nearly in order.
@@ -28,8 +28,8 @@ fn crossing_surface(i: u32) -> u32 {
     return triangles[3u * (crossing_key[i] >> 1u)].w;
 }
 
-// Applies all crossings within TOUCH_MM of the one at `first`, and returns the index after them. A surface that is
-// entered and left there is a crease or a silhouette: its membership is unchanged.
+// Updates `inside` by all crossings within TOUCH_MM beyond crossing `first`. Returns the index after them. A surface
+// that is both entered and left there is a crease or a silhouette: its membership is unchanged.
 fn cross_coincident(first: u32) -> u32 {
     let limit = crossing_t[first] + TOUCH_MM;
     var end = first + 1u;

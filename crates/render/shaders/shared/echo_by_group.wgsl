@@ -1,11 +1,12 @@
-// A scanline's echoes by one workgroup: its threads take an echo each, then each adds those of its own samples.
+// Echoes of a scanline by one workgroup. In each turn, every thread computes one echo, then adds the turn's echoes that
+// fall on its own samples.
 
 const THREADS: u32 = 64u;
 
-// For each path of a turn: number of echoes up to and with its own, and range of its first reflection.
+// For each path of a group: running sum of echoes up to and including its own, and range of its first reflection.
 var<workgroup> ends: array<u32, THREADS>;
 var<workgroup> reflections_mm: array<f32, THREADS>;
-// For each echo of a turn: its sample, and the value added there.
+// For each echo of a turn: its sample, and the value to add.
 var<workgroup> samples: array<u32, THREADS>;
 var<workgroup> echoed: array<vec2<f32>, THREADS>;
 
@@ -18,8 +19,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let weight = 1.0 / f32(params.rays * params.layers);
     let paths = params.rays * params.layer_count;
     for (var first = 0u; first < paths; first += THREADS) {
-        // The echoes of a path, then those of the axial path behind its first reflection: it stands for what the path
-        // missed.
+        // First the echoes of the path. If it reflects, then those of the axial path beyond that range, in place of
+        // what the path missed.
         var count = 0u;
         var reflected_mm = BEYOND_MM;
         if first + thread < paths {

@@ -1,4 +1,4 @@
-// A scanline's echoes by one thread, for software, where threads take turns: the same sums.
+// Echoes of a scanline by one thread, for software, where threads run in turn. The sums are the same as by workgroups.
 
 fn add(line: u32, path: u32, segment: u32, weight: f32) {
     let echo = echo_of(line, path, segment, weight);
@@ -26,7 +26,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             add(line, path, i, 1.0);
         }
         if APERTURE && params.axial_paths > 0u && reflected_mm < BEYOND_MM {
-            // The axial path stands for what the path missed.
+            // Beyond the first reflection, the axial path's echoes replace those that the path missed.
             let axial_path = axial_path_of(line);
             let axial_count = count_of(axial_path);
             for (var i = 1u; i <= axial_count; i++) {

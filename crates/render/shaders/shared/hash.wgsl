@@ -1,4 +1,4 @@
-// Integer hashes: stateless, independent of order, the same on every device.
+// Integer hashes: stateless, independent of order, and the same on every device.
 
 // pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 fn pcg3d(key: vec3<u32>) -> vec3<u32> {
@@ -13,13 +13,13 @@ fn pcg3d(key: vec3<u32>) -> vec3<u32> {
     return v;
 }
 
-// 24 bits as a number in 0..1, exact in f32.
+// Upper 24 bits as a number in 0..1, exact in f32.
 fn unit(bits: u32) -> f32 {
     return f32(i32(bits >> 8u)) * 5.9604644775390625e-8;
 }
 
-// A number in 0..1 for dimension `dim` (0..4) of the path's `bounce`-th interface: low-discrepancy over the scanlines
-// and rays for the first four interfaces, a plain hash after them.
+// A random number in 0..1 for dimension `dim` (0..4) of a path's `bounce`-th interface. For the first four interfaces,
+// it is low-discrepancy over scanlines and rays; after them, it is a plain hash.
 fn sample_unit(line_ray: u32, layer: u32, bounce: u32, dim: u32) -> f32 {
     let rotation = pcg3d(vec3<u32>(params.seed, layer, bounce * 4u + dim));
     if bounce < 4u {

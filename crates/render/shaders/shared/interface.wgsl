@@ -1,4 +1,4 @@
-// Snell and Fresnel between two fluids; the formulas of crates/core/src/acoustics/interface.rs.
+// Snell's and Fresnel's laws between two fluids, as in crates/core/src/acoustics/interface.rs.
 struct Interface {
     pressure_reflection: f32,
     energy_reflection: f32,
@@ -11,7 +11,7 @@ fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident: f32) -> I
         let same = (z2 - z1) / max(z2 + z1, 1.0e-30);
         return Interface(same, min(same * same, 1.0), cos_incident);
     }
-    // In factors, since 1 − cos² loses its digits as cos approaches 1.
+    // As a product, since 1 − cos² loses its digits as cos approaches 1.
     let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);
     let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;
     if sin2_transmitted >= 1.0 {

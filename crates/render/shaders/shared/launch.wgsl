@@ -1,5 +1,5 @@
-// The first ray of a path: its scanline's, moved across the slice. After the paths of all layers come the
-// axial paths, one per scanline, along the axes. They set where the scatterers lie, and their echoes replace those that
+// Start of a path: a ray of its scanline, moved across the slice. After the paths of all layers come the axial paths,
+// one per scanline, along the scanlines' axes. They set where scatterers lie, and their echoes replace those that
 // reflected paths miss.
 struct Launch {
     origin: vec3<f32>,
@@ -8,8 +8,8 @@ struct Launch {
     face_depth_mm: f32,
 }
 
-// Offset, slope and stretch of a path across the slice; an axial path is in the image plane. After rays and axes, their
-// table holds those of every path of a scanline [looks × layers × rays].
+// Elevational offset (mm), slope, and length per mm of depth of a path; an axial path lies in the image plane. The
+// buffer `rays` holds them after rays and axes, for every path of a scanline [angles × layers × rays].
 fn elevation_of(path: u32) -> vec3<f32> {
     let line_rays = params.scanlines * params.rays;
     let angle = params.angle_words / max(params.sector_words, 1u);
@@ -25,7 +25,7 @@ fn is_axial_path(path: u32) -> bool {
 
 fn launch(path: u32) -> Launch {
     let of_layer = params.line_count * params.rays;
-    // The axes follow the rays in their table.
+    // In `rays`, the axes follow the rays.
     let axis = path - of_layer * params.layer_count + params.scanlines * params.rays;
     let ray = 2u * select(params.line_first * params.rays + path % of_layer, axis, is_axial_path(path));
     let elevation = elevation_of(path);

@@ -1,13 +1,13 @@
-// The nearest crossing of a ray.
+// Nearest crossing of a ray.
 
 const NO_KEY: u32 = 0xffffffffu;
 
-// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
+// Index of the nearest triangle in leaf order, shifted by one bit; the lowest bit is 1 if the ray enters the surface.
 var<private> nearest_key: u32;
-// Whether other crossings may lie within TOUCH_MM of it.
+// Whether other crossings may lie within TOUCH_MM of the nearest one.
 var<private> nearest_crowded: bool;
 
-// Distance to the nearest crossing in (t_min, t_max], mm, or −1.
+// Distance to the nearest crossing in (t_min, t_max], mm; −1 if there is none.
 fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f32 {
     let reciprocal = safe_reciprocal(direction);
     let octant = octant_mask(direction);

@@ -1,6 +1,7 @@
-// Leaves of `nearest` by one thread.
+// `nearest_of_leaf` of `nearest`, by one thread.
 
-// The least distance of a leaf's triangles and `before`, the nearest so far: index of the first triangle, and a bit for each.
+// Smaller of `before`, the nearest distance so far, and the nearest hit of a leaf's triangles. They are given by the
+// index of the first one and a bit for each.
 fn nearest_of_leaf(
     triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32, before: f32,
 ) -> f32 {
@@ -11,7 +12,7 @@ fn nearest_of_leaf(
         leaf.y &= ~(1u << offset);
         let index = leaf.x + offset;
         let hit = intersect_triangle(index, origin, direction);
-        // Selections only: software devices run both sides of a branch for every thread.
+        // Without branches: software devices run both sides of a branch for every thread.
         let first = nearest_key == NO_KEY;
         let met = hit.facing != 0 && hit.t > t_min && hit.t <= select(best + TOUCH_MM, t_max, first);
         nearest_crowded = select(nearest_crowded, !(first || hit.t < best - TOUCH_MM), met);

@@ -1,7 +1,9 @@
-// Leaves of `nearest` by the lanes of a path together. Hits of a round are compared at once: at distances that differ
-// by TOUCH_MM to the last bit, `nearest_crowded` may differ; `trace` finds the same crossings then.
+// `nearest_of_leaf` of `nearest`, by the lanes of a path together. Hits of one round are compared at once. If distances
+// differ by exactly TOUCH_MM, `nearest_crowded` may differ from that of one thread; `trace` finds the same crossings
+// even then.
 
-// The least distance of a leaf's triangles and `before`, the nearest so far: index of the first triangle, and a bit for each.
+// Smaller of `before`, the nearest distance so far, and the nearest hit of a leaf's triangles. They are given by the
+// index of the first one and a bit for each.
 fn nearest_of_leaf(
     triangles_of: vec2<u32>, origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32, before: f32,
 ) -> f32 {
@@ -18,7 +20,7 @@ fn nearest_of_leaf(
             continue;
         }
         let least = least_of_lanes(select(BEYOND_MM, hit.t, met));
-        // Others that may lie within TOUCH_MM: the nearest before, what was near that, and hits of this round.
+        // Crossings that may lie within TOUCH_MM: the nearest one before, those near it, and hits of this round.
         let near_before = !first && !(least < best - TOUCH_MM);
         let nearer = first || least < best;
         let key = subgroupShuffle(index << 1u | select(0u, 1u, hit.facing > 0), first_lane + firstTrailingBit(vote(met && hit.t == least)));

@@ -1,4 +1,4 @@
-// A node by one thread.
+// Intersects the children of a node by one thread.
 
 fn intersect_node(
     index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, octant: u32, t_min: f32, t_max: f32,

@@ -1,13 +1,13 @@
-// A family of sheets of scatterers: see crates/render/src/sheets.rs.
+// A family of parallel sheets of scatterers: see crates/render/src/sheets.rs.
 struct SheetFamily {
-    // Normal of the sheets; distance along the elevational axis per mm along the normal.
+    // Unit normal of the sheets; in w, mm along the elevational axis per mm along the normal.
     normal: vec4<f32>,
-    // Axes of the sheets' cells; way along each per mm along the normal, on an elevational line.
+    // Axes of the sheets' cells; in w, on an elevational line, displacement along that axis per mm along the normal.
     first: vec4<f32>,
     second: vec4<f32>,
-    // Part of its amplitude in the sum.
+    // Amplitude weight of the family; the squares over a slice's families sum to 1.
     share: f32,
-    // Added to the number of each sheet.
+    // Added to each sheet's number before it is hashed.
     salt: u32,
     // Side of a cell, mm.
     cell_mm: f32,
@@ -17,7 +17,8 @@ struct SheetFamily {
 
 // Uniforms of every pass: `Params` of crates/render/src/params.rs, field by field.
 struct Params {
-    // Columns of scene_from_probe; w holds the translation's x, y, z relative to the tree's centre, mm.
+    // Axes of the probe in the scene, unit vectors. Their w components are the position of the face's centre relative
+    // to the tree's centre, mm.
     lateral: vec4<f32>,
     elevational: vec4<f32>,
     axial: vec4<f32>,
@@ -33,7 +34,7 @@ struct Params {
     lateral_half: u32,
     axial_half: u32,
     map_rays: u32,
-    // u32 words per row of packed 8-bit pixels.
+    // Words of four 8-bit pixels per row of the image.
     row_words: u32,
     sample_spacing_mm: f32,
     depth_mm: f32,
@@ -42,49 +43,49 @@ struct Params {
     aperture_mm: f32,
     reach_mm: f32,
     tgc_db_per_mm: f32,
-    // Radius of the face; negative for a linear face.
+    // Radius of the face, mm; negative for a linear face.
     face_radius_mm: f32,
     background: u32,
     // Samples per row in memory: a multiple of 16.
     row_samples: u32,
     hint_words: u32,
-    // Number of depths per map ray, map_step_mm apart.
+    // Number of depths on each map ray, map_step_mm apart.
     map_depths: u32,
     map_step_mm: f32,
-    // Words of packed pixels that overlap the sector.
+    // Number of words of four pixels that overlap the sector.
     sector_words: u32,
     // Most reflections of a path.
     reflections_max: u32,
     // Elevational layers of the frame.
     layers: u32,
-    // Axial paths, which set where the scatterers lie: one per scanline; 0 if a scanline has only one path.
+    // Number of axial paths, which set where scatterers lie: one per scanline, or 0 if a scanline has only one path.
     axial_paths: u32,
-    // Number of `sheets`, and the distance between the sheets of one.
+    // Number of families in `sheets`, and distance between neighbouring sheets of a family, mm.
     sheet_families: u32,
     sheet_spacing_mm: f32,
-    // Tissue outside all surfaces beyond the film of gel.
+    // Tissue outside all surfaces, deeper than the film of gel.
     beyond: u32,
-    // Thickness of the film of gel, mm; negative if everything is coupled.
+    // Thickness of the film of gel, mm; negative if contact is not simulated.
     film_mm: f32,
     // Amplitudes of white noise, clutter and reverberation; 0 if they are off.
     noise: f32,
     clutter: f32,
     reverberation: f32,
-    // Samples of a scanline in the table of clutter and reverberation.
+    // Samples per scanline in the table of clutter and reverberation.
     near_samples: u32,
-    // Seed of the noise of this frame.
+    // Seed of the receiver's noise in this frame.
     noise_seed: u32,
     // Cosine and sine of the steering angle.
     steer_cos: f32,
     steer_sin: f32,
-    // First word of the positions of this look's pixels.
+    // Offset of this steering angle in the table of pixel positions, words of four pixels.
     angle_words: u32,
-    // Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    // Range by which a steered wavefront falls behind from one scanline to the next, mm.
     steer_shift_mm: f32,
     // Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     line_turns: f32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
-    // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
+    // Settings of the section [image]. Generated functions read them: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,
 }
 

@@ -1,6 +1,6 @@
 // A path by one thread.
 
-// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
+// Threads started for each one that traces a path: idle threads between them save waiting within a subgroup.
 override LANES_APART: u32 = 1u;
 
 // Whether this thread writes the outputs of its path.

@@ -1,10 +1,10 @@
-// A path by PATH_LANES neighbouring lanes of a subgroup. All of them hold the same state, and take the same branches; only
-// the searches of the tree are shared. Lanes of another path may be elsewhere.
+// A path by PATH_LANES neighbouring lanes of a subgroup. They hold the same state and take the same branches; only
+// searches of the tree are shared out. Lanes of other paths may be at other instructions.
 
-// Paths for which lanes are started for each one that searches.
+// Number of paths to start lanes for, for each path that is traced: idle lanes between paths save time.
 override LANES_APART: u32 = 1u;
 
-// The lane's number in its path, and that of the path's first lane in the subgroup.
+// Index of this lane in its path, and index of the path's first lane in the subgroup.
 var<private> own_lane: u32;
 var<private> first_lane: u32;
 
@@ -13,7 +13,7 @@ fn is_writer() -> bool {
     return own_lane == 0u;
 }
 
-// Lanes of the path for which `value` holds, one bit each.
+// Bit set of the path's lanes for which `value` holds.
 fn vote(value: bool) -> u32 {
     let words = subgroupBallot(value);
     let low = select(words.x, words.y, (first_lane & 32u) != 0u);
@@ -40,16 +40,16 @@ fn least_of_lanes(value: f32) -> f32 {
     return least;
 }
 
-// The triangle of a leaf group that this lane tests in a round.
+// The triangle of a group of leaves that this lane tests in a round.
 struct Share {
     offset: u32,
-    // Whether there is one; without, `offset` is another lane's.
+    // Whether this lane has a triangle; if not, `offset` is that of another lane.
     is_some: bool,
-    // Triangles of the next rounds.
+    // Bit set of the triangles left for the next rounds.
     rest: u32,
 }
 
-// Shares out triangles from the highest bit of `triangles` down; at least one is set.
+// Gives each lane one triangle, from the highest bit of `triangles` down. At least one bit is set.
 fn share_triangles(triangles: u32) -> Share {
     var rest = triangles;
     var own = 0u;
@@ -60,7 +60,7 @@ fn share_triangles(triangles: u32) -> Share {
     return Share(firstLeadingBit(select(triangles, own, own != 0u)), own != 0u, rest);
 }
 
-// A node by the lanes of a path: each tests the child of its number.
+// Intersects the children of a node by the lanes of a path: each lane tests the child with its own index, or several.
 fn intersect_node(
     index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, octant: u32, t_min: f32, t_max: f32,
 ) -> NodeHits {

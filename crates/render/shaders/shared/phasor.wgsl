@@ -1,5 +1,5 @@
 // e^(i2π·turns), with an error of 2·10⁻⁷ on every device: WGSL lets sin and cos be off by 2⁻¹¹. Minimax polynomials in
-// turns² over a quarter turn to either side.
+// turns², each over a quarter turn to either side.
 fn phasor(turns: f32) -> vec2<f32> {
     let within = turns - round(turns);
     let halves = round(2.0 * within);

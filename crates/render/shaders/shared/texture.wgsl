@@ -1,15 +1,14 @@
-// Texture of tissues: level of their scattering as a fixed random function of position. See
-// crates/render/src/texture.rs.
+// Texture of tissues: their scattering level as a fixed random function of position. See crates/render/src/texture.rs.
 struct Texture {
-    // Direction of the fibres, and width over length of what follows them, minus 1.
+    // Direction of the fibres (unit vector); in w, width over length of structures along them, minus 1.
     fibre: vec4<f32>,
-    // Offsets of clouds, grain and septa, and their units per mm.
+    // Offset (xyz, in scales) and inverse scale (w, 1/mm) of the fields of clouds, grain and septa.
     fields: array<vec4<f32>, 3>,
-    // Amounts of the three, nepers, and the level that keeps the mean power.
+    // Amplitudes of clouds, grain and septa, nepers; in w, an added level that keeps the mean power.
     amounts: vec4<f32>,
 }
 
-// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
+// A Gaussian random field of variance 1, whose correlation at a distance d is e^(−d²/2).
 fn gaussian_field(at: vec3<f32>) -> f32 {
     var sum = 0.0;
     for (var i = 0u; i < WAVES; i++) {
@@ -20,7 +19,7 @@ fn gaussian_field(at: vec3<f32>) -> f32 {
     return sum / sqrt(f32(WAVES) * WAVE_VARIANCE);
 }
 
-// Factor of the scattering of a tissue at a position of the scene at rest.
+// Factor on the scatterers' amplitude at a position in the scene at rest.
 fn texture_gain(texture: Texture, here_mm: vec3<f32>) -> f32 {
     let stretched_mm = here_mm + texture.fibre.w * dot(here_mm, texture.fibre.xyz) * texture.fibre.xyz;
     var level = texture.amounts.w;
