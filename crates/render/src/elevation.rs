@@ -25,8 +25,8 @@ struct Envelope {
     slope: f64,
 }
 
-/// For each path of a scanline [angles × layers × rays]: elevational offset at the face (mm), slope (mm per mm of ray),
-/// length of ray per mm of depth, and 0. A single layer is the image plane.
+/// Elevational position of each path of a scanline [angles × layers × rays]: offset at the face (mm), slope (mm per mm
+/// of ray), length of ray per mm of depth, and 0. A single layer is the image plane.
 ///
 /// Each steering angle has its own offsets, so a compounded picture samples the slice with the paths of all its angles.
 /// Among a dozen paths, only the outermost may meet an object that lies in a hundredth of the beam.

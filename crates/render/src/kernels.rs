@@ -19,9 +19,9 @@ const AXIAL_REACH: f64 = 4.0;
 /// The two kernels of the point-spread function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kernel {
-    /// The beam across scanlines, of the pass `lateral`: at most 32 scanlines to either side.
+    /// The beam across scanlines, applied by the pass `lateral`: at most 32 scanlines to either side.
     Lateral,
-    /// The pulse along a scanline, of the pass `detect`: at most 128 samples to either side.
+    /// The pulse along a scanline, applied by the pass `detect`: at most 128 samples to either side.
     Axial,
 }
 

@@ -22,8 +22,8 @@
 //! # }
 //! ```
 //!
-//! [`Renderer`] is the one interface of two renderers: `host` runs all passes on the processor's cores, `device` on a graphics
-//! device (feature `gpu`). They don't know each other. Both use the files directly in this crate: effect plan, tables,
+//! [`Renderer`] is the one interface of two renderers: `host` runs all passes on the processor's cores, `device` on a
+//! graphics device (feature `gpu`). Neither uses the other. Both use the files directly in `src`: effect plan, tables,
 //! uniforms, constants. [`twin`] has the same passes in f64, as their reference; read its `trace.rs` first.
 //!
 //! | module | holds |

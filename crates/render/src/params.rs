@@ -22,7 +22,7 @@ const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
 #[cfg(feature = "gpu")]
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
-// WGSL aligns vectors to 16 bytes, so fields or padding of 16 bytes in all must fill up what comes before `sheets`.
+// WGSL aligns vectors to 16 bytes, so the fields before `sheets` must add up to a multiple of that, padding included.
 const _: () = assert!(std::mem::offset_of!(Params, sheets) % 16 == 0);
 const _: () = assert!(std::mem::offset_of!(Params, image) % 16 == 0);
 

@@ -75,7 +75,7 @@ impl NearField {
 
 /// Values at a depth that all scanlines share.
 struct Depth {
-    /// Position in the random fields of haze and clutter, and in that of the arcs.
+    /// Position of the depth in the random fields of haze and clutter, and in the field of the arcs.
     haze: Along,
     arcs: Along,
     /// Amplitudes of reverberation and clutter, relative to those at the face.

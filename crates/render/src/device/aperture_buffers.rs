@@ -32,7 +32,7 @@ pub(crate) struct ApertureBuffers {
     pub(super) line_gains: wgpu::Buffer,
     pub(super) block_gains: wgpu::Buffer,
     pub(super) reflected: wgpu::Buffer,
-    /// Those of the buffers above that passes write, in a fixed order.
+    /// The buffers above that passes write, in a fixed order.
     pub(super) written: Vec<wgpu::Buffer>,
 }
 

@@ -82,7 +82,7 @@ pub(crate) struct Buffers {
     pub(super) bmode: wgpu::Buffer,
     pub(super) segmentation: wgpu::Buffer,
     pub(super) attenuation: wgpu::Buffer,
-    /// Those of the buffers above that passes write, in a fixed order.
+    /// The buffers above that passes write, in a fixed order.
     written: Vec<wgpu::Buffer>,
 }
 

@@ -138,7 +138,7 @@ impl Slot {
         })
     }
 
-    /// Records copies from the working buffers, whose parts belong to several frames: those of the `frame`-th part.
+    /// Records the copies of one frame from the working buffers: from their `frame`-th part.
     pub(crate) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,

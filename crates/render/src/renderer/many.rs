@@ -177,7 +177,7 @@ impl Renderer {
     }
 
     /// Runs `work` with up to `count` renderers of the same scene, probe and settings, which may render at the same
-    /// time: this one and others beside it. On a device, with this one alone.
+    /// time: this one and others like it. On a device, with this one alone.
     ///
     /// # Errors
     /// Too little memory.
