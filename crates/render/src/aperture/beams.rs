@@ -1,18 +1,18 @@
-//! Transmit and receive beams as sums of modes.
+//! Transmit and receive beams as sums of modes, waves e^(iqx) along the face.
 
 use insonify_core::transducer::Probe;
 use rustfft::num_complex::Complex64;
 
 use super::grid::{Grid, SLOPE_MARGIN, receive_mm};
 
-/// Elements per wavelength.
+/// Elements per wavelength along the face.
 const ELEMENTS_PER_WAVELENGTH: f64 = 6.0;
 
-/// Parts of the modes in the beams whose axis is x = 0.
+/// Complex weights of the modes in the beams whose axis is at x = 0.
 pub(super) struct Beams {
-    /// Transmit beam of the fixed focus [modes].
+    /// Transmit beam, focused at the probe's fixed focus `[modes]`.
     pub(super) transmit: Vec<Complex64>,
-    /// Receive beam focused at each plane [planes × modes].
+    /// Receive beam focused at each depth plane [planes × modes].
     pub(super) receive: Vec<Complex64>,
 }
 
@@ -26,7 +26,7 @@ impl Beams {
     }
 }
 
-/// Parts of the modes in the beam of an aperture focused at a depth, of power 1 in all.
+/// Weight of each mode in the beam of an aperture focused at a depth. Their squared magnitudes sum to 1.
 fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Complex64> {
     let k = grid.wave_number;
     let steepest = grid.shape.slope(0.5 * aperture_mm, focus_mm) + SLOPE_MARGIN;
@@ -42,7 +42,7 @@ fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Comp
         .collect();
     let part = |mode: &Option<i32>| {
         let q = mode.map(|mode| grid.mode_wave_number(mode)).filter(|q| q.abs() <= k * steepest)?;
-        // e^(−iqa) of each element from that of the one before.
+        // e^(−iqa) of the element at position a, turned from that of the element before.
         let mut turn = Complex64::from_polar(1.0, -q * place(0));
         let step = Complex64::from_polar(1.0, -q * aperture_mm / elements as f64);
         let mut sum = Complex64::ZERO;

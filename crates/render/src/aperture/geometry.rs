@@ -1,4 +1,4 @@
-//! Straight rays from places on the face to a depth on the axis of a beam, for flat and curved faces.
+//! Straight rays from a position on the face to a point on a beam's axis, for flat and curved faces.
 
 /// Shape of the face: radius of curvature, mm; infinite for a flat face.
 #[derive(Debug, Clone, Copy)]
@@ -7,12 +7,12 @@ pub(super) struct Face {
 }
 
 impl Face {
-    /// Width of a fixed angle at a depth, over its width at the face.
+    /// Width of a sector at a depth over its width at the face; 1 for a flat face.
     pub(super) fn spread(self, depth_mm: f64) -> f64 {
         1.0 + depth_mm / self.radius_mm
     }
 
-    /// Distance from the place `across_mm` along the face to `depth_mm` on the axis.
+    /// Length of the ray from `across_mm` along the face, counted from the axis, to `depth_mm` on the axis; mm.
     pub(super) fn distance_mm(self, across_mm: f64, depth_mm: f64) -> f64 {
         if self.radius_mm.is_infinite() {
             return across_mm.hypot(depth_mm);
@@ -22,7 +22,7 @@ impl Face {
         (depth_mm * depth_mm + 4.0 * self.radius_mm * (self.radius_mm + depth_mm) * half_sin * half_sin).sqrt()
     }
 
-    /// Wave number along the face of that ray, over its whole wave number.
+    /// Sine of that ray's angle with the face's normal at its start: its wave number along the face over the whole one.
     pub(super) fn slope(self, across_mm: f64, depth_mm: f64) -> f64 {
         let distance_mm = self.distance_mm(across_mm, depth_mm).max(1e-9);
         if self.radius_mm.is_infinite() {

@@ -1,4 +1,4 @@
-//! Sizes of the grid: cells along the face, planes in depth, modes.
+//! Sizes of the aperture's grid: cells along the face, depth planes, modes (waves along the face).
 
 use insonify_core::acoustics::beam::RECEIVE_F_NUMBER_MIN;
 use insonify_core::acoustics::wavelength_mm;
@@ -9,69 +9,71 @@ use super::geometry::Face;
 use super::sampling::{CellRays, Sampling};
 use crate::constants::CELLS_MAX;
 
-/// Modes that are computed together.
+/// Number of modes that are computed together.
 pub(crate) const MODE_LANES: usize = 8;
-/// Most beams of a period.
+/// Most beams in a period, the distance along the face after which the sums of all modes repeat.
 pub(crate) const BEAMS_MAX: usize = 256;
-/// Fewest cells of a period.
+/// Fewest cells in a period.
 const CELLS_MIN: usize = 64;
-/// End of the binary logarithms of the numbers of periods that are tried.
+/// Grids of 2ⁿ periods are tried, for n from 0 to before this number.
 const PERIODS_LOG2_END: u32 = 8;
-/// Most offsets of a profile to one side, in cells: half a period.
+/// Longest beam profile: one value per cell, from the axis to half a period.
 pub(crate) const OFFSETS_MAX: usize = BEAMS_MAX;
-/// Most modes: those of a period's cells, with two groups that are filled up.
+/// Most modes: one for each cell of a period, and the padding of two groups to [`MODE_LANES`].
 pub(crate) const MODES_MAX: usize = BEAM_CELLS_MAX * BEAMS_MAX + 2 * MODE_LANES;
-/// Most planes of a frame.
+/// Most depth planes of a frame.
 pub(crate) const PLANES_MAX: usize = 128;
 
-/// Largest distance of planes, mm, unless the image is deeper than [`PLANES_MAX`] of them.
+/// Largest distance between depth planes, mm, unless the image is deeper than [`PLANES_MAX`] such distances.
 const PLANE_MM: f64 = 3.33;
-/// Largest cell along the face, mm: flat and curved faces. Cells of a curved face widen with depth, and rays leave it at
-/// steep angles.
+/// Largest cell along the face, mm: on flat faces, on curved ones. Cells of a curved face widen with depth, and rays
+/// leave it at steep angles.
 const CELL_MM: [f64; 2] = [0.28125, 0.135];
-/// Largest distance of beams along the face, mm: flat and curved faces.
+/// Largest distance between beams along the face, mm: on flat faces, on curved ones.
 const BEAM_MM: [f64; 2] = [0.5625, 0.45];
-/// Most cells per beam.
+/// Most cells from one beam's axis to the next.
 const BEAM_CELLS_MAX: usize = 4;
-/// Space on either side of the array, mm.
+/// Least width of the grid beyond either end of the array, mm.
 const MARGIN_MM: f64 = 3.0;
-/// Width over which the array's sensitivity falls at its ends, mm: a hard end would scatter the copies of beams.
+/// Width over which the array's sensitivity falls at its ends, mm. A sharp end would scatter the beams' periodic
+/// copies.
 const FACE_EDGE_MM: f64 = 2.0;
-/// Sines beyond the aperture's steepest ray that belong to its beams.
+/// Beams have modes up to the sine of the aperture's steepest ray plus this margin.
 pub(super) const SLOPE_MARGIN: f64 = 0.06;
-/// Least and greatest distance from a scanline within which scatterers are summed, mm at the scatterers.
+/// Bounds of the distance from a beam's axis within which its echo power is summed, mm at the scatterers.
 const REACH_MM: [f64; 2] = [7.0, 13.0];
-/// Ratio of this distance to the depth of the image: beams that bend lead farther away at larger depths.
+/// Ratio of this distance to the image's depth, before the bounds apply: refracted beams stray farther at larger
+/// depths.
 const REACH_PER_DEPTH: f64 = 0.11;
-/// Spread from which every second mode does.
+/// Spread of a curved face, see [`Face::spread`], from which odd modes are left out.
 const HALVING_SPREAD: f64 = 2.0;
-/// Most rays of a layer that are taken for one cell.
+/// Most rays of a layer (elevational part of the beam) that are taken for one cell.
 const CELL_RAYS_MAX: u32 = 32;
-/// Least part of a ray's share of the face within a cell that counts.
+/// Least fraction of a ray's part of the face within a cell for which the ray counts there.
 const CELL_PART_MIN: f64 = 1.0e-3;
 
-/// Sizes, in the terms of [`ApertureTables`](super::ApertureTables).
+/// Sizes of the grid, in the terms of [`ApertureTables`](super::ApertureTables).
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     pub(super) shape: Face,
     /// Wave number, radians per mm.
     pub(super) wave_number: f64,
-    /// Width of the array along the face.
+    /// Width of the array along the face, mm.
     pub(super) width_mm: f64,
-    /// Period of the modes along the face.
+    /// Distance along the face after which the sums of all modes repeat, mm.
     pub(super) period_mm: f64,
     pub(super) sampling: Sampling,
     pub(super) cell_mm: f64,
     pub(super) planes: usize,
     pub(super) plane_samples: u32,
     pub(super) plane_mm: f64,
-    /// Distance from a beam's axis within which its scatterers are summed, mm at the scatterers.
+    /// Distance from a beam's axis within which its echo power is summed, mm at the scatterers.
     pub(super) reach_mm: f64,
     pub(super) modes: Vec<Option<i32>>,
 }
 
 impl Grid {
-    /// Sizes for a probe; none for a phased array or a face that is too wide.
+    /// Sizes for a probe; `None` for a phased array or a face that is too wide.
     pub(super) fn new(probe: &Probe) -> Option<Self> {
         let radius_mm = probe.face_radius_mm().unwrap_or(f64::INFINITY);
         if radius_mm <= 0.0 {
@@ -88,7 +90,7 @@ impl Grid {
             true => (0.7 * probe.aperture_mm).max(2.0 * REACH_MM[0]),
             false => (0.9 * probe.aperture_mm).max(2.0 * reach_mm),
         };
-        // Powers of two: the fewest cells, then the shortest period.
+        // Numbers of periods and cells are powers of two. The fewest cells win, then the shortest period.
         let domain_mm = width_mm + 2.0 * MARGIN_MM;
         let sizes = (0..PERIODS_LOG2_END).map(|log2| {
             let periods = 1_usize << log2;
@@ -133,23 +135,24 @@ impl Grid {
         })
     }
 
-    /// Depth of a plane, mm.
+    /// Depth of a depth plane, mm.
     pub(super) fn depth_mm(&self, plane: usize) -> f64 {
         (plane as f64 + 0.5) * self.plane_mm
     }
 
-    /// Wave number along the face of a mode, radians per mm.
+    /// Wave number of a mode along the face, radians per mm.
     pub(super) fn mode_wave_number(&self, mode: i32) -> f64 {
         std::f64::consts::TAU * f64::from(mode) / self.period_mm
     }
 
-    /// Distance in cells within which a beam's scatterers are summed: at most half a period.
+    /// Distance from a beam's axis within which its echo power is summed at a plane, in cells: at most half a period.
     pub(super) fn reach_cells(&self, plane: usize) -> f64 {
         let half_period = (0.5 * self.sampling.beams as f64 - 1.0) * self.sampling.node_cells_at(plane) as f64;
         (self.reach_mm / self.shape.spread(self.depth_mm(plane)) / self.cell_mm).min(half_period)
     }
 
-    /// Propagation of each spatial frequency from the plane before to each plane [planes × cells]; evanescent waves end.
+    /// Factor by which each spatial frequency propagates from the plane before (first, from the face) to each plane
+    /// [planes × cells]; 0 for evanescent waves.
     pub(super) fn steps(&self) -> Vec<Complex64> {
         let mut steps = Vec::with_capacity(self.planes * self.sampling.cells);
         for plane in 0..self.planes {
@@ -168,7 +171,7 @@ impl Grid {
         steps
     }
 
-    /// ∫(√(k² − q²/ρ²) − k)dz between two depths; none for an evanescent wave. Four-point Gauss quadrature.
+    /// Phase ∫(√(k² − q²/ρ²) − k)dz between two depths, by four-point Gauss quadrature; `None` for an evanescent wave.
     fn phase(&self, q: f64, from_mm: f64, to_mm: f64) -> Option<f64> {
         const NODES: [(f64, f64); 2] =
             [(0.339_981_043_584_856_3, 0.652_145_154_862_546_1), (0.861_136_311_594_052_6, 0.347_854_845_137_453_9)];
@@ -198,27 +201,27 @@ impl Grid {
         (0..self.sampling.cells).map(at).collect()
     }
 
-    /// Place of a scanline, in cells.
+    /// Position of a scanline along the face, in cells.
     pub(super) fn line_cell(&self, probe: &Probe, line: u32) -> f64 {
         self.cell_of((f64::from(line) + 0.5) / f64::from(probe.scanlines))
     }
 
-    /// Place of a fraction of the sector's width, in cells.
+    /// Position of a fraction of the sector's width, in cells.
     fn cell_of(&self, fraction: f64) -> f64 {
         (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.sampling.cells as f64
     }
 
-    /// Rays of a layer that cross each cell. At most [`CELL_RAYS_MAX`], spread evenly.
+    /// Rays of a layer that cross each cell: at most [`CELL_RAYS_MAX`] per cell, spread evenly.
     pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<CellRays> {
         let all = f64::from(probe.scanlines * rays_per_line);
-        // Ray i stands for the face from i to i + 1.
+        // Of the face, divided into `all` equal parts, ray i stands for the i-th.
         let ray_of = |cell: f64| ((cell - 0.5 * self.sampling.cells as f64) * self.cell_mm / self.width_mm + 0.5) * all;
         let of_cell = |cell: usize| {
             let (from, to) = (ray_of(cell as f64 - 0.5).max(0.0), ray_of(cell as f64 + 0.5).min(all));
             if to - from < CELL_PART_MIN {
                 return CellRays::single((0.5 * (from + to)).floor().clamp(0.0, all - 1.0) as u32);
             }
-            // A ray of which the cell has next to nothing is left out.
+            // A ray that hardly overlaps the cell is left out.
             let (first, end) = ((from + CELL_PART_MIN).floor().min(all - 1.0), (to - CELL_PART_MIN).ceil());
             let crossing = (end - first).max(1.0) as u32;
             if crossing == 1 {
@@ -230,7 +233,7 @@ impl Grid {
             }
             let step = crossing.div_ceil(CELL_RAYS_MAX);
             let count = crossing.div_ceil(step);
-            // Centred: what the steps leave over goes to both ends.
+            // Centred: the rays that the steps leave over are split between both ends.
             let first = first as u32 + (crossing - 1 - (count - 1) * step) / 2;
             CellRays { first, step, count, ..CellRays::single(0) }
         };
@@ -243,14 +246,14 @@ pub(super) fn receive_mm(probe: &Probe, depth_mm: f64) -> f64 {
     probe.aperture_mm.min(depth_mm / RECEIVE_F_NUMBER_MIN)
 }
 
-/// Samples per interval between planes, and the number of intervals. An interval is a multiple or a fraction of 16
-/// samples.
+/// Samples per depth interval, and the number of intervals. An interval has a multiple of 16 samples, or a smaller
+/// power of two.
 fn planes(probe: &Probe) -> (u32, usize) {
     let apart_mm = PLANE_MM.max(probe.depth_mm / (PLANES_MAX as f64 - 1.0));
     let samples = ((apart_mm / probe.sample_spacing_mm()) as u32).max(1);
     let deep = probe.depth_mm / (PLANES_MAX as f64 - 1.0) > PLANE_MM;
     let rounded = match samples {
-        // Rounded up where the number of planes is limited.
+        // Rounded up if the number of planes is at its limit.
         16.. if deep => samples.div_ceil(16) * 16,
         16.. => samples / 16 * 16,
         _ if deep => samples.next_power_of_two(),
@@ -259,8 +262,8 @@ fn planes(probe: &Probe) -> (u32, usize) {
     (rounded, probe.samples.div_ceil(rounded) as usize)
 }
 
-/// Numbers of the modes up to `highest`, even ones first, padded to whole groups, and the length of the even part. Without
-/// `halving` all are one part.
+/// Mode numbers from −`highest` to `highest`, padded to whole groups, and the number of those that go on to the last
+/// plane. With `halving`, even modes come first, and only they go on.
 fn ordered(highest: i32, halving: bool) -> (Vec<Option<i32>>, usize) {
     let group = |stride: i32, first: i32| {
         let numbers = (-highest..=highest).filter(|m| (m - first).rem_euclid(stride) == 0).map(Some);

@@ -1,11 +1,11 @@
 //! Tables of the aperture: waves along the face, their propagation, and the beams that they make up.
 //!
-//! All transmit and receive beams of a frame are sums of a few waves e^(iqx) on the face, the modes. `propagate` sends
-//! each mode through the loss of the scan plane, `beams` sums modes into beams. The method is an angular spectrum on a
-//! coarse grid; docs/notes/aperture.md derives it and holds its errors against diffraction sums.
+//! All transmit and receive beams of a frame are sums of a few waves e^(iqx) on the face, the modes. The pass
+//! `propagate` sends each mode through the losses in the scan plane, the pass `beams` sums modes into beams. The method
+//! is an angular spectrum on a coarse grid; docs/notes/aperture.md derives it and compares it with diffraction sums.
 //!
-//! x is the place along the face in mm, also of a curved face, where q/ρ is the angular wave number at depth z and
-//! ρ = 1 + z/radius.
+//! x is the position along the face, mm; along a curved face, the arc length. A mode's lateral wave number at depth z
+//! is q/ρ. On a curved face, ρ = 1 + z/radius; on a flat one, ρ = 1.
 
 mod beams;
 mod geometry;
@@ -29,49 +29,52 @@ use crate::constants::DEPTH_BLOCK;
 /// Complex number, real part first.
 pub(crate) type Complex = [f32; 2];
 
-/// Tables for one probe and one quality.
+/// Tables of the aperture for one probe and one quality.
 #[derive(Debug, Clone)]
 pub(crate) struct ApertureTables {
     pub(crate) sampling: Sampling,
-    /// Depth planes, one in the middle of each interval of `plane_samples` samples.
+    /// Number of depth planes, one in the middle of each interval of `plane_samples` samples.
     pub(crate) planes: usize,
     pub(crate) plane_samples: u32,
     pub(crate) plane_mm: f32,
-    /// Number of each mode, even ones first; `None` pads to whole groups of [`MODE_LANES`].
+    /// Mode number in each slot; if odd modes end at a depth, even ones come first. `None` pads to whole groups of
+    /// [`MODE_LANES`].
     pub(crate) modes: Vec<Option<i32>>,
-    /// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
+    /// Factor by which each spatial frequency propagates from one plane to the next, over the number of cells [planes ×
+    /// cells].
     pub(crate) steps: Vec<Complex>,
-    /// Part of each mode in the transmit beam at x = 0 [modes].
+    /// Weight of each mode in the transmit beam whose axis is at x = 0 `[modes]`.
     pub(crate) transmit: Vec<Complex>,
-    /// The same for the receive beam focused at each plane [planes × modes].
+    /// Weight of each mode in the receive beam at x = 0 that is focused at each plane [planes × modes].
     pub(crate) receive: Vec<Complex>,
-    /// Sensitivity of the face: 1 within the array, 0 beyond it [cells].
+    /// Sensitivity of the face: 1 within the array, 0 beyond it `[cells]`.
     pub(crate) face: Vec<f32>,
-    /// Distance at each plane, in cells, within which a beam's scatterers are summed.
+    /// Distance from a beam's axis within which its echo power is summed, in cells `[planes]`.
     pub(crate) reach_cells: Vec<f32>,
-    /// Greatest echo power of the beams without obstacles [planes].
+    /// Greatest echo power of any beam without obstacles `[planes]`.
     pub(crate) greatest: Vec<f32>,
-    /// Echo power of each beam without obstacles over that greatest one [planes × cells], the first nodes of each row.
+    /// Echo power of each beam without obstacles, over `greatest` [planes × cells]. A row begins with one value per
+    /// node, or beam axis; the others are 0.
     pub(crate) shares: Vec<f32>,
-    /// Two-way amplitude of an unobstructed beam against the offset from its axis, in cells [planes × offsets].
+    /// Two-way amplitude of an unobstructed beam at offsets from its axis, one cell apart [planes × offsets].
     pub(crate) profiles: Vec<f32>,
     /// Wave number, radians per mm.
     pub(crate) wave_number: f32,
-    /// Rays that cross each cell [cells].
+    /// Rays that cross each cell `[cells]`.
     pub(crate) cell_rays: Vec<CellRays>,
-    /// Place of each scanline, in cells [scanlines].
+    /// Position of each scanline along the face, in cells `[scanlines]`.
     pub(crate) line_cells: Vec<f32>,
-    /// Distance of neighbouring scanlines, in cells.
+    /// Distance between neighbouring scanlines, in cells.
     pub(crate) line_spacing_cells: f32,
 }
 
 impl ApertureTables {
-    /// Whether a probe has tables: not a phased array, whose beams all leave one aperture, nor a face that is too wide.
+    /// Whether a probe has tables. Phased arrays, whose beams all leave one aperture, and very wide faces have none.
     pub(crate) fn possible(probe: &Probe) -> bool {
         Grid::new(probe).is_some()
     }
 
-    /// Tables of a probe, if it has any.
+    /// Tables of a probe; `None` unless they are [`possible`](Self::possible).
     pub(crate) fn new(probe: &Probe, quality: Quality) -> Option<Self> {
         let grid = Grid::new(probe)?;
         let beams = beams::Beams::new(probe, &grid);
@@ -104,24 +107,25 @@ impl ApertureTables {
         })
     }
 
-    /// These tables with another number of rays of a scanline.
+    /// These tables for another number of rays per scanline.
     pub(crate) fn with_rays(&self, probe: &Probe, rays: u32) -> Self {
         let cell_rays = Grid::new(probe).map_or_else(Vec::new, |grid| grid.cell_rays(probe, rays));
         Self { cell_rays, ..self.clone() }
     }
 
-    /// Turns of a wave per mm of delay.
+    /// Phase per mm of delay, turns.
     pub(crate) fn turns_per_mm(&self) -> f32 {
         self.wave_number * (1.0 / std::f32::consts::TAU)
     }
 
-    /// Block of samples in the middle of a plane's interval; the last one for a plane beyond the samples.
+    /// Index of the block of samples in the middle of a plane's interval; the last block for a plane beyond the
+    /// samples.
     pub(crate) fn block_of(&self, plane: usize, samples: u32) -> usize {
         let sample = (2 * plane as u32 + 1) * self.plane_samples / 2;
         (sample.min(samples - 1) / DEPTH_BLOCK) as usize
     }
 
-    /// Scanlines to either side of one that its beam may reach.
+    /// Number of scanlines to either side of one that its beam may reach.
     pub(crate) fn reach_lines(&self) -> u32 {
         let furthest = self.reach_cells.iter().copied().fold(0.0, f32::max);
         (furthest / self.line_spacing_cells.max(1.0e-6)).ceil() as u32

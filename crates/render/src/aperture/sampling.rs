@@ -1,68 +1,69 @@
-//! Sampling of the scan plane: cells, nodes and modes at each depth plane.
+//! Sampling of the scan plane: cells along the face, nodes (beam axes) and modes (waves) at each depth plane.
 
-/// Sizes that grid and tables share. The first planes have all modes; on a curved face, whose cells widen with depth, every
-/// second one is left out from plane `halves_at` on.
+/// Sizes that the grid and the tables share. The first depth planes have all modes. On a curved face, whose cells widen
+/// with depth, only the even modes go on from plane `halves_at`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sampling {
-    /// Cells along the face, a power of two; the last one is next to the first.
+    /// Number of cells along the face, a power of two. The last one is next to the first: the grid is periodic.
     pub(crate) cells: usize,
-    /// Beams per period of the modes, a power of two.
+    /// Number of beams in a period of the modes, a power of two.
     pub(crate) beams: usize,
-    /// Cells per node at the first planes, a power of two. From plane `halves_at` on it is half of that.
+    /// Cells from one node to the next at the first planes, a power of two. From plane `halves_at` on it is half of
+    /// that.
     pub(crate) node_cells: usize,
-    /// First plane without the odd modes; the number of planes if all have them.
+    /// Index of the first plane without the odd modes; the number of planes if all have them.
     pub(crate) halves_at: usize,
-    /// Modes, padding included.
+    /// Number of modes, padding included.
     pub(crate) modes: usize,
-    /// Modes, padding included, that go on after `halves_at`: the even ones.
+    /// Number of modes, padding included, that go on at `halves_at`: the even ones, or all if none end.
     pub(crate) lasting_modes: usize,
 }
 
 impl Sampling {
-    /// Cells per node at a plane.
+    /// Number of cells from one node to the next at a depth plane.
     pub(crate) fn node_cells_at(&self, plane: usize) -> usize {
         if plane < self.halves_at { self.node_cells } else { self.node_cells / 2 }
     }
 
-    /// Nodes at a plane: places along the face with a beam each.
+    /// Number of beam axes (nodes) along the face at a depth plane.
     pub(crate) fn nodes_at(&self, plane: usize) -> usize {
         self.cells / self.node_cells_at(plane)
     }
 
-    /// Modes, padding included, that take part at a plane.
+    /// Number of modes, padding included, that take part at a depth plane.
     pub(crate) fn modes_at(&self, plane: usize) -> usize {
         if plane < self.halves_at { self.modes } else { self.lasting_modes }
     }
 
-    /// Distance of neighbouring modes at a plane, in their numbers.
+    /// Difference of neighbouring mode numbers at a depth plane.
     pub(crate) fn mode_stride(&self, plane: usize) -> i32 {
         if plane < self.halves_at { 1 } else { 2 }
     }
 
-    /// Index of the beam whose axis is at a node, within a period: x = 0 is in the middle of the nodes.
+    /// Index, within a period, of the beam whose axis is the node `axis`. Beam 0 is at x = 0, the middle node.
     pub(crate) fn beam_of(&self, plane: usize, axis: usize) -> usize {
         (axis + self.nodes_at(plane) / 2) % self.beams
     }
 
-    /// Offsets of a profile, in cells from its axis: half a period of beams.
+    /// Length of a beam profile: one value per cell, from the axis to half a period.
     pub(crate) fn offsets(&self) -> usize {
         self.beams * self.node_cells / 2
     }
 
-    /// Index of a mode within one period at a plane: modulo the number of beams.
+    /// FFT bin of a mode at a depth plane: its number over the plane's mode stride, modulo `beams`.
     pub(crate) fn bin(&self, plane: usize, mode: i32) -> usize {
         (mode / self.mode_stride(plane)).rem_euclid(self.beams as i32) as usize
     }
 }
 
-/// Rays of a layer that cross a cell. Ray i stands for the face from i to i + 1, in shares of a ray.
+/// Rays of a layer that cross a cell. Ray i stands for the i-th of equal parts of the face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CellRays {
     pub(crate) first: u32,
-    /// Distance to the next.
+    /// Difference of neighbouring ray indices.
     pub(crate) step: u32,
     pub(crate) count: u32,
-    /// Parts of the first and of the last ray that lie within the cell, in 1/65535.
+    /// Fractions of the first and the last ray's parts of the face that lie within the cell, in 1/65535.
     pub(crate) parts: [u16; 2],
 }
 
@@ -76,7 +77,7 @@ impl CellRays {
         (part * f64::from(u16::MAX)).round() as u16
     }
 
-    /// Weights of the first ray and of the last. Those between them count 1.
+    /// Weights of the first and of the last ray, 0..=1. Rays between them have weight 1.
     pub(crate) fn weights(&self) -> [f32; 2] {
         self.parts.map(|part| f32::from(part) * (1.0 / 65535.0))
     }

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{ApertureTables, Sampling};
 
-/// Number of a mode that pads a group.
+/// Mode number that marks padding.
 pub(crate) const MODE_NONE: i32 = 0x7fff;
 
 /// `Aperture` of `shaders/shared/aperture.wgsl`.
@@ -26,7 +26,7 @@ pub(crate) struct ApertureShape {
 }
 
 impl ApertureShape {
-    /// Sizes as the shaders read them; without refraction, delays turn no phase.
+    /// Sizes as the shaders read them. Without `refraction`, `turns_per_mm` is 0: delays turn no phase.
     pub(crate) fn new(tables: &ApertureTables, refraction: bool) -> Self {
         let Sampling { cells, beams, node_cells, halves_at, modes, lasting_modes } = tables.sampling;
         Self {

@@ -1,4 +1,4 @@
-//! Every beam in a scan plane without obstacles: what `propagate` and `beams` give if nothing absorbs or delays.
+//! Beams in a scan plane without obstacles: results of the passes `propagate` and `beams` if nothing absorbs or delays.
 
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
@@ -9,16 +9,16 @@ use super::grid::Grid;
 
 /// Beams of a homogeneous scan plane.
 pub(super) struct Unobstructed {
-    /// Greatest echo power of the beams at each plane [planes].
+    /// Greatest echo power of any beam at each depth plane `[planes]`.
     pub(super) greatest: Vec<f64>,
-    /// Echo power of each beam over that greatest one [planes × cells]; a row's first nodes are filled. Beams at the ends
-    /// of the array have less.
+    /// Echo power of each beam over `greatest` [planes × cells]: lower at the ends of the array. A row begins with one
+    /// value per node, or beam axis; the others are 0.
     pub(super) shares: Vec<f64>,
-    /// Two-way amplitude of the middle beam against the offset from its axis [planes × offsets], one cell apart.
+    /// Two-way amplitude of the middle beam at offsets from its axis, one cell apart [planes × offsets].
     pub(super) profiles: Vec<f64>,
 }
 
-/// The beams; `steps` and `face` are the grid's.
+/// Computes the beams from [`Grid::steps`] and [`Grid::face`].
 pub(super) fn unobstructed(grid: &Grid, beams: &Beams, steps: &[Complex64], face: &[f64]) -> Unobstructed {
     let sampling = grid.sampling;
     let mut planner = FftPlanner::new();

@@ -24,27 +24,28 @@ pub(super) struct Buffers {
     /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
     pub(super) passes: PassBuffers,
     pub(super) aperture: Option<ApertureBuffers>,
-    /// Amplitudes that `lateral` compares [blocks × 2 × scanlines]; empty without the aperture.
+    /// Amplitude factors of the scanlines, which `lateral` compares [blocks × 2 × scanlines]; empty without the
+    /// aperture.
     pub(super) amplitudes: Vec<f32>,
-    /// Split of the layers.
+    /// Split of the paths into batches of whole layers.
     pub(super) batches: BatchPlan,
-    /// Powers of the scatterers between batches; empty if there is one.
+    /// Powers of the scatterers, summed over the batches so far; empty if there is one batch.
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
     pub(super) layout: PlacedLayout,
-    /// Layouts of the angles; none of an angle without steering.
+    /// Layout of each steering angle; `None` for an angle without steering.
     pub(super) steered: Vec<Option<PlacedLayout>>,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
     effects: EffectSet,
-    /// Outputs that are still to be taken over.
+    /// Moves of memory that [`Buffers::take_over`] has still to make.
     kept: Vec<TakeOver>,
 }
 
-/// Moves an output from the second to the first.
+/// Moves one output's memory from the second buffers to the first.
 type TakeOver = fn(&mut PassBuffers, &mut PassBuffers);
 
-/// A layout with the positions of the pixels that it was made of.
+/// A layout for scan conversion, and the packed pixel positions that it was made from.
 #[derive(Debug, Clone)]
 pub(super) struct PlacedLayout {
     pixels: Arc<[u32]>,
@@ -56,11 +57,11 @@ pub(super) struct PlacedLayout {
 pub(super) struct ApertureBuffers {
     pub(super) propagation: Propagation,
     pub(super) beam_roots: Roots,
-    /// [cells × planes]
+    /// Sums over the layers so far [cells × planes].
     pub(super) cell_means: Vec<CellMeans>,
-    /// [groups of modes × cells]
+    /// Work of `propagate` [groups of modes × cells].
     pub(super) mode_work: Vec<Wide>,
-    /// [planes × 2 × beams]
+    /// Work of `beams` [planes × 2 × beams].
     pub(super) beam_work: Vec<Wide>,
 }
 
@@ -76,7 +77,7 @@ impl ApertureBuffers {
     }
 }
 
-/// `count` zeros, or an error if memory is short.
+/// `count` zeros, or an error if memory is short; `what` names them in the error.
 fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>, BackendError> {
     let zeroed = usize::try_from(count).ok().and_then(|count| bytemuck::allocation::try_zeroed_vec(count).ok());
     zeroed.ok_or_else(|| BackendError::Memory {
@@ -88,8 +89,8 @@ fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>
 }
 
 impl Buffers {
-    /// Buffers of a configuration. Layouts of `known` buffers of the same pixels are taken over, and memory of `reused` ones by
-    /// [`Buffers::take_over`].
+    /// Buffers of a configuration. They share the layouts of `known` buffers for the same pixels. If `reused` has the
+    /// same effects, outputs of equal size stay empty until [`Buffers::take_over`].
     ///
     /// # Errors
     /// Too little memory.
@@ -103,7 +104,7 @@ impl Buffers {
         let paths = u64::from(batches.params(0, params).paths());
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
-        // Memory of the same size and effects is taken over later, and not written now.
+        // Memory of the same size and effects is taken over later, so it is not allocated now.
         let reused = reused.filter(|reused| reused.effects == effects.effects());
         let mut kept: Vec<TakeOver> = Vec::new();
         macro_rules! fresh {
@@ -190,7 +191,8 @@ impl Buffers {
         })
     }
 
-    /// Takes over memory of the buffers that it was made to reuse: pages that were written before are ready.
+    /// Takes over the memory of `reused`, the buffers given to [`Buffers::new`]. It was written before, so its pages
+    /// are mapped.
     pub(super) fn take_over(&mut self, reused: &mut Self) {
         for take_over in std::mem::take(&mut self.kept) {
             take_over(&mut self.passes, &mut reused.passes);

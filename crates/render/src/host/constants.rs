@@ -72,11 +72,12 @@ macro_rules! changeable {
 changeable! {
     /// Constants of the host's `locate` and `trace`.
     TraceConstants {
-        /// Fraction of the way back through the scene that is searched for surfaces that a path starts inside.
+        /// Fraction of the way back through the scene in which `locate` searches for the surfaces around a path's
+        /// start.
         reach: f32 = 1.0;
         /// Least returned fraction of the energy, within the aperture, for which a reflection is followed.
         reflection_followed: f32 = shared::REFLECTION_FOLLOWED as f32;
-        /// Offset of the lattice that spreads echoes, mm.
+        /// Offset of the lattice whose cells shift echoes in range, mm.
         off_the_grid_mm: f32 = shared::OFF_THE_GRID_MM as f32;
         /// Fraction of the energy that a very rough surface returns diffusely at normal incidence.
         diffuse: f32 = shared::DIFFUSE as f32;
@@ -90,21 +91,21 @@ changeable! {
         scatterer_stride: u32 = SCATTERER_STRIDE;
         /// `march`: sheets of scatterers looked up to one side of a sample.
         sheets_to_a_side: f32 = 0.5 * SHEETS as f32;
-        /// `echo`: the first segment that begins at an interface.
+        /// `echo`: index of the first segment that begins at an interface.
         first_interface: usize = 1;
         /// `transmission`: greatest loss of an interval, nepers.
         loss_max_np: f32 = 80.0;
-        /// `propagate`: rows of cells whose transmissions differ by less hide nothing.
+        /// `propagate`: a row of cells whose transmissions differ by less counts as unobstructed.
         contrast_min: f32 = 1.0e-5;
-        /// `propagate`: rows of cells whose delays differ by less bend nothing, radians.
+        /// `propagate`: a row of cells whose delays differ by less, radians, counts as even.
         phase_min: f32 = 1.0e-3;
-        /// `beams`: least power of a beam without obstacles.
+        /// `beams`: lower bound of an unobstructed beam's power, by which powers are divided.
         unobstructed_min: f32 = 1.0e-30;
         /// `visibility`: most gain by diffraction at an edge, nepers of amplitude.
         visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
         /// `lateral`: least weight of the beam that counts; smaller ones are denormal.
         least_weight: f32 = f32::MIN_POSITIVE;
-        /// `receive`: factor of what is added.
+        /// `receive`: factor of the noise, clutter and reverberation that are added.
         added: f32 = 1.0;
         /// `detect`: decibels of a doubling of power.
         db_a_doubling: f32 = shared::DB_A_DOUBLING as f32;

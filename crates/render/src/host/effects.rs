@@ -2,7 +2,8 @@
 
 use insonify_core::settings::{Effect, EffectSet};
 
-/// Switches of the effects along a path. For one that is off, the tables make its arithmetic do nothing.
+/// Switches of the effects along a path. If an effect is off, neutral values in the tables make its arithmetic do
+/// nothing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathEffects {
     pub(super) moving: bool,

@@ -20,7 +20,7 @@ pub(super) fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
     of[0]
 }
 
-/// Lanes whose bits are set.
+/// Indices of the set bits, which stand for lanes.
 #[inline(always)]
 pub(super) fn bits(mut of: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {

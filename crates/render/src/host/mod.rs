@@ -1,7 +1,7 @@
-//! Every pass on the host's processors, in the single precision and the buffer layouts of the shaders.
+//! All passes on the host's processors, in single precision and in the shaders' buffer layouts.
 //!
-//! Read `twin/trace.rs` first: it follows one path in plain code. This module takes the same steps for 32 paths together,
-//! and the other passes as their twins do.
+//! Read `twin/trace.rs` first: it follows one path in plain code. This module takes the same steps for 32 paths
+//! together. Its other passes follow their twins.
 //!
 //! | step of `twin/trace.rs` | function here |
 //! |---|---|
@@ -35,8 +35,8 @@
 //! | `scatter/` | `march`, `echo` |
 //! | `image/` | `lateral`, `receive`, `detect`, `section`, `percentile`, `scan_convert` |
 //!
-//! Multiplications and additions are not fused, so that frames don't depend on the processor's instructions, nor on the
-//! number of threads.
+//! Multiplications and additions are not fused, and sums have a fixed order. So frames depend neither on the
+//! processor's instructions nor on the number of threads.
 
 mod aperture;
 mod buffers;

@@ -8,7 +8,7 @@ use crate::segment::Segment;
 
 /// Samples per block, which share a gain.
 pub(super) const BLOCK: usize = DEPTH_BLOCK as usize;
-/// Blocks per pass over the paths: their sums stay in the first-level cache.
+/// Blocks that are handled in one pass over the paths: their sums stay in the first-level cache.
 pub(super) const CHUNK: usize = 32;
 /// One number per sample of a block.
 pub(super) type Lanes = [f32; BLOCK];
@@ -20,7 +20,7 @@ pub(super) struct Paths<'a> {
     pub(super) starts: &'a [f32],
     /// Segments of each path, nearest first [paths × SEGMENTS].
     pub(super) segments: &'a [Segment],
-    /// Segments that hold the first samples of hint blocks, four per word [paths × hint_words].
+    /// Index of the segment that holds the first sample of each hint block, four per word [paths × hint_words].
     pub(super) hints: &'a [u32],
 }
 
@@ -31,7 +31,7 @@ impl<'a> Paths<'a> {
         (&self.starts[path * starts..][..starts], &self.segments[path * segments..][..segments])
     }
 
-    /// Ends and segments of a path, and a segment that holds `sample` or is before it.
+    /// Ends (mm of range) and segments of a path, and the index of a segment that holds `sample` or is before it.
     #[inline(always)]
     fn hinted(&self, params: &Params, path: u32, sample: u32) -> (&'a [f32], &'a [Segment], usize) {
         let path = path as usize;
@@ -43,7 +43,7 @@ impl<'a> Paths<'a> {
     }
 }
 
-/// Segments of a path, from a sample on.
+/// The segments of a path, visited from a sample on.
 #[derive(Debug)]
 pub(super) struct Run<'a> {
     ends: &'a [f32],
@@ -53,15 +53,15 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Segments of `path` that hold `sample` or later ones.
+    /// Visits the segments of `path` from the one that holds `sample`.
     #[inline(always)]
     pub(super) fn new(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> Self {
         let (ends, segments, at) = paths.hinted(params, path, sample);
         Self { ends, segments, at, samples_per_mm: 1.0 / params.sample_spacing_mm }
     }
 
-    /// The segment that holds `sample`, which is not before that of the last call, and the first sample in (sample, last]
-    /// beyond it. Two samples share the first's segment.
+    /// Returns the segment that holds `sample`, and the sample up to which it does so, exclusive: at most `last`.
+    /// Samples must not decrease from call to call. Two samples share the first's segment.
     #[inline(always)]
     pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a Segment, u32) {
         let range = range_mm(params, sample);
@@ -70,7 +70,7 @@ impl<'a> Run<'a> {
         }
         let end_mm = self.ends.get(self.at).copied().unwrap_or(f32::MAX);
         let about = (end_mm * self.samples_per_mm - 0.5).clamp(real(sample), real(last));
-        // An even estimate, then corrected.
+        // An even estimate, corrected below.
         let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
         while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
             stop = stop.wrapping_sub(2);
@@ -82,7 +82,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// A segment without scatterers.
+/// A segment without scatterers, for missing ones.
 const NONE: &Segment = &Segment {
     origin_mm: [0.0; 3],
     ln_amplitude_at_zero: 0.0,

@@ -1,6 +1,6 @@
 //! The host's processor, by name.
 
-/// Name of the processor if the system tells it in `/proc/cpuinfo`, else its architecture.
+/// Name of the processor from `/proc/cpuinfo`; without one, its architecture.
 pub fn processor_name() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));

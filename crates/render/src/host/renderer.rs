@@ -1,4 +1,4 @@
-//! Frames in the host's memory.
+//! Renderer of frames on the host's processors.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -40,28 +40,28 @@ use crate::params::Params;
 use crate::snapshot::PassBuffers;
 use crate::texture::waves;
 
-/// Least nodes of a parallel task that decodes them.
+/// Least number of tree nodes that one parallel task decodes.
 const DECODED_TOGETHER: usize = 512;
 
-/// Makes frames by the host's processors, each within `submit`.
+/// Makes frames on the host's processors. A frame is finished when `submit` returns.
 #[derive(Debug)]
 pub(crate) struct HostRenderer {
-    /// Shared by makers until the scene moves.
+    /// Nodes of the scene's tree, shared with other renderers until the scene moves.
     nodes: Arc<Vec<WideNode>>,
     trace: TraceConstants,
     image: ImageConstants,
     follow: Follow,
     waves: Waves,
     buffers: Buffers,
-    /// Buffers of the other configurations, by number; none of the active one.
+    /// Buffers of the inactive configurations, by number.
     kept: Kept<Buffers>,
-    /// Frames that were made and not received.
+    /// Finished frames that were not received yet.
     made: VecDeque<Frame>,
-    /// Memory of received frames.
+    /// Frame buffers free for reuse.
     spare: Vec<Frame>,
 }
 
-/// Outputs of passes that later ones overwrite.
+/// Copies of outputs that later passes overwrite.
 #[derive(Debug, Default)]
 struct Intermediate {
     /// Baseband before the interfaces' echoes are added.
@@ -101,7 +101,7 @@ impl HostRenderer {
         Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, kept: Kept::default(), made, spare })
     }
 
-    /// Makes a frame that holds `contents`; `kept` takes what later passes overwrite.
+    /// Renders `contents` into `frame`. If given, `kept` receives the outputs that later passes overwrite.
     fn render(
         &mut self,
         inputs: FrameInputs<'_>,
@@ -161,7 +161,7 @@ impl HostRenderer {
         if let (Some(steered), None) = (steered, maps) {
             scan_convert(params, &steered.layout, &b.polar, None, into);
         } else {
-            // Maps are straight, whatever the angle.
+            // Maps are not steered, whatever the image's angle.
             scan_convert(params, &layout.layout, &b.polar, maps, into);
             if let Some(steered) = steered {
                 let image = Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
@@ -175,7 +175,7 @@ impl HostRenderer {
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
     }
 
-    /// Runs the passes of the paths, batch by batch; returns the number of crossings that found no room.
+    /// Runs the passes from `trace` to `echo`, batch by batch. Returns the number of crossings lost for lack of room.
     fn follow_paths(
         &mut self,
         inputs: FrameInputs<'_>,
@@ -231,7 +231,7 @@ impl HostRenderer {
         lost
     }
 
-    /// Traces the paths of a batch; returns the number of crossings that found no room.
+    /// Traces the paths of a batch. Returns the number of crossings lost for lack of room.
     fn trace_batch(
         &mut self,
         FrameInputs { bvh, media, configuration, .. }: FrameInputs<'_>,
@@ -257,7 +257,8 @@ impl HostRenderer {
         lost
     }
 
-    /// Adds a batch to the transmission of the scan plane; after the last one, makes the gain along the scanlines.
+    /// Adds a batch's paths to the transmission of the scan plane. After the last batch, computes the aperture's gain
+    /// along the scanlines.
     fn see_through(&mut self, configuration: &Configuration, params: &Params, laps: &mut Laps<'_>) {
         let Buffers { passes: b, aperture, .. } = &mut self.buffers;
         let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
@@ -286,7 +287,8 @@ impl HostRenderer {
         laps.note("visibility");
     }
 
-    /// Runs the passes of the maps up to scan conversion; returns the number of crossings and runs that found no room.
+    /// Runs the passes of the maps up to scan conversion. Returns the number of crossings and runs lost for lack of
+    /// room.
     fn cut_section(&mut self, inputs: FrameInputs<'_>, laps: &mut Laps<'_>) -> u32 {
         let FrameInputs { bvh, media, configuration, .. } = inputs;
         let (params, tables) = (&configuration.params, &configuration.tables);
@@ -365,7 +367,7 @@ impl FrameMaker for HostRenderer {
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError> {
         if let Some(mut made) = self.made.pop_front() {
-            // The memory changes hands, except the mask's.
+            // Swaps all memory, except the mask's.
             std::mem::swap(frame, &mut made);
             std::mem::swap(&mut frame.mask, &mut made.mask);
             self.spare.push(made);

@@ -7,62 +7,63 @@ use crate::aperture::{self, ApertureTables};
 /// Tables of the aperture as uploaded to the device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aperture {
-    /// Cells along the face.
+    /// Number of cells along the face.
     pub cells: usize,
-    /// Planes, one in the middle of each interval.
+    /// Number of depth planes, one in the middle of each depth interval.
     pub planes: usize,
-    /// Depth of an interval, mm.
+    /// Length of a depth interval, mm.
     pub plane_mm: f64,
-    /// Beams per period of the modes.
+    /// Number of beams in a period of the modes, the waves along the face that make up the beams.
     pub beams: usize,
-    /// Cells per node at each plane.
+    /// Cells from one node, or beam axis, to the next `[planes]`.
     pub node_cells: Vec<usize>,
-    /// Distance of neighbouring modes at each plane, in their numbers: 2 without the odd ones.
+    /// Difference of neighbouring mode numbers `[planes]`: 2 where the odd modes have ended, else 1.
     pub mode_stride: Vec<i32>,
-    /// Modes, padding included, that take part at each plane.
+    /// Number of modes, padding included, that take part at each plane `[planes]`.
     pub mode_count: Vec<usize>,
-    /// Number of each mode; None pads.
+    /// Mode number in each slot; `None` pads.
     pub modes: Vec<Option<i32>>,
-    /// Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
+    /// Factor by which each spatial frequency propagates from one plane to the next, over the number of cells [planes ×
+    /// cells].
     pub steps: Vec<DVec2>,
-    /// Part of each mode in the transmit beam.
+    /// Weight of each mode in the transmit beam.
     pub transmit: Vec<DVec2>,
-    /// The same in the receive beam of each plane [planes × modes].
+    /// Weight of each mode in the receive beam of each plane [planes × modes].
     pub receive: Vec<DVec2>,
     /// Sensitivity of the face at each cell.
     pub face: Vec<f64>,
-    /// Distance at each plane, in cells, within which a beam's scatterers are summed.
+    /// Distance from a beam's axis within which its echo power is summed, in cells `[planes]`.
     pub reach_cells: Vec<f64>,
-    /// Greatest echo power of the beams without obstacles `[planes]`.
+    /// Greatest echo power of any beam without obstacles `[planes]`.
     pub greatest: Vec<f64>,
-    /// Echo power of each beam without obstacles over that greatest one [planes × cells].
+    /// Echo power of each beam without obstacles, over `greatest` [planes × cells].
     pub shares: Vec<f64>,
-    /// Two-way amplitude of an unobstructed beam against the offset from its axis, in cells [planes × offsets].
+    /// Two-way amplitude of an unobstructed beam at offsets from its axis, one cell apart [planes × offsets].
     pub profiles: Vec<f64>,
-    /// Offsets of a profile.
+    /// Number of offsets in a profile.
     pub offsets: usize,
-    /// Turns of a wave per mm of delay.
+    /// Phase per mm of delay, turns.
     pub turns_per_mm: f64,
-    /// Rays of each cell.
+    /// Rays that cross each cell.
     pub cell_rays: Vec<CellRays>,
-    /// Position of each scanline, in cells.
+    /// Position of each scanline along the face, in cells.
     pub line_cells: Vec<f64>,
-    /// Distance of neighbouring scanlines, in cells.
+    /// Distance between neighbouring scanlines, in cells.
     pub line_spacing_cells: f64,
-    /// Block of samples in the middle of each plane's interval.
+    /// Index of the block of samples in the middle of each plane's interval.
     pub plane_blocks: Vec<usize>,
 }
 
 /// Rays of a layer that cross a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellRays {
-    /// The first ray.
+    /// Index of the first ray.
     pub first: usize,
-    /// Distance to the next.
+    /// Difference of neighbouring ray indices.
     pub step: usize,
     /// Number of rays.
     pub count: usize,
-    /// Weights of the first ray and of the last; those between them count 1.
+    /// Weights of the first and of the last ray, 0..=1. Rays between them have weight 1.
     pub weights: [f64; 2],
 }
 
@@ -74,7 +75,7 @@ impl From<&aperture::CellRays> for CellRays {
 }
 
 impl Aperture {
-    /// Tables for scanlines of a number of samples.
+    /// Tables in f64, for scanlines of `samples` samples.
     pub(crate) fn new(tables: &ApertureTables, samples: u32) -> Self {
         let complex = |values: &[[f32; 2]]| -> Vec<DVec2> {
             values.iter().map(|&[re, im]| DVec2::new(re.into(), im.into())).collect()
@@ -108,12 +109,12 @@ impl Aperture {
         }
     }
 
-    /// Nodes at a plane.
+    /// Number of beam axes (nodes) along the face at a depth plane.
     pub fn nodes(&self, plane: usize) -> usize {
         self.cells / self.node_cells[plane]
     }
 
-    /// Beam, within a period, whose axis is at a node: x = 0 is in the middle of the nodes.
+    /// Index, within a period, of the beam whose axis is the node `axis`. Beam 0 is at x = 0, the middle node.
     pub fn beam_of(&self, plane: usize, axis: usize) -> usize {
         (axis + self.nodes(plane) / 2) % self.beams
     }

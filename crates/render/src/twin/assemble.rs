@@ -1,4 +1,4 @@
-//! Moved triangles from their vertices.
+//! Moved triangles, from the displacements of their vertices.
 
 use glam::DVec3;
 
@@ -6,7 +6,8 @@ use super::inputs::Triangle;
 use super::motion::Motion;
 use crate::constants::EDGE_TOLERANCE_PER_MM;
 
-/// The moving triangles, given the displacement of each vertex; surface and index are those of `before`, the scene's triangles.
+/// The moving triangles, from the displacement of each vertex. Surface and index come from `before`, the scene's
+/// triangles.
 pub fn assemble(motion: &Motion, displaced_mm: &[DVec3], before: &[Triangle]) -> Vec<Triangle> {
     let moving = motion.corners.iter().zip(&before[motion.first_triangle..]);
     let triangle = |(corners, before): (&[usize; 3], &Triangle)| {

@@ -1,11 +1,13 @@
-//! Beams at each plane: their two-way amplitude at every cell, and their echo power over that without obstacles.
+//! Beams at each depth plane: their two-way amplitude at every cell, and their echo power relative to unobstructed
+//! beams.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
 use super::aperture::Aperture;
 
-/// Two-way amplitude of each beam of a period at each cell [planes × beams × cells], from the fields of the modes.
+/// Two-way amplitude of each beam of a period at each cell [planes × beams × cells], from the modes' fields [modes ×
+/// planes × cells].
 pub fn amplitudes(aperture: &Aperture, fields: &[DVec2]) -> Vec<f64> {
     let of_plane = |plane: usize| {
         let of_beam =
@@ -15,8 +17,8 @@ pub fn amplitudes(aperture: &Aperture, fields: &[DVec2]) -> Vec<f64> {
     (0..aperture.planes).into_par_iter().flat_map_iter(of_plane).collect()
 }
 
-/// Echo power of the beam at each node over the greatest one without obstacles [planes × cells], the first nodes of each
-/// row.
+/// Echo power of the beam at each node, or beam axis, over the greatest one without obstacles [planes × cells]. A row
+/// begins with one value per node; the others are 0.
 pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
     let power = |plane: usize, axis: usize| {
         if axis >= aperture.nodes(plane) {
@@ -35,7 +37,7 @@ pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
     (0..aperture.planes).flat_map(|plane| (0..aperture.cells).map(move |axis| power(plane, axis))).collect()
 }
 
-/// Amplitude that a scatterer at a cell returns to a beam.
+/// Two-way amplitude with which a beam sees a scatterer at a cell.
 fn amplitude(aperture: &Aperture, fields: &[DVec2], plane: usize, beam: usize, cell: usize) -> f64 {
     let receive = &aperture.receive[plane * aperture.modes.len()..][..aperture.modes.len()];
     let (mut sent, mut heard) = (DVec2::ZERO, DVec2::ZERO);

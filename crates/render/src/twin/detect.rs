@@ -8,7 +8,7 @@ use super::inputs::Inputs;
 /// Detector output for the focused baseband.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detected {
-    /// Baseband after the pulse [scanlines × samples].
+    /// Baseband convolved with the pulse [scanlines × samples].
     pub lines: Vec<DVec2>,
     /// Grey level 0..=255 [scanlines × samples].
     pub grey: Vec<f64>,
@@ -40,7 +40,8 @@ pub fn detect(inputs: &Inputs, focused: &[DVec2]) -> Detected {
 }
 
 impl Inputs {
-    /// Gain of the TGC sliders at a depth, dB: linear between eight depths from the face to the full depth.
+    /// Gain of the eight TGC sliders at a depth, dB: linear between their depths, evenly spaced from 0 to the full
+    /// depth.
     pub fn slider_db(&self, depth_mm: f64) -> f64 {
         let position = (7.0 * depth_mm / self.depth_mm).clamp(0.0, 7.0);
         let below = (position as usize).min(6);

@@ -1,4 +1,4 @@
-//! Displacement of moving vertices from rest.
+//! Displacement of moving vertices from their rest positions.
 
 use glam::{DQuat, DVec3};
 use insonify_core::anatomy::motion::Shape;
@@ -6,7 +6,7 @@ use insonify_core::anatomy::motion::Shape;
 use super::motion::Motion;
 use crate::constants::{ATRIA, FADE, OUTER_WALL};
 
-/// Displacement of each vertex, mm.
+/// Displacement of each moving vertex, mm.
 pub fn displace(motion: &Motion) -> Vec<DVec3> {
     let of = |fields: u32, place_mm: DVec3| -> DVec3 {
         let moves = |i: usize| fields & 1 << i != 0;
@@ -22,7 +22,7 @@ fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Displacement of a point of the scene by one field, mm.
+/// Displacement of the scene point `p` by one displacement field, mm.
 fn displacement(shape: &Shape, p: DVec3, amounts: [f64; 2]) -> DVec3 {
     match *shape {
         Shape::Beat { centre_mm, axis, radius_mm, squeeze, shorten } => {

@@ -6,10 +6,10 @@ use super::inputs::Inputs;
 use super::segment::Path;
 use super::visibility::{ApertureGain, Boundary};
 
-/// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
+/// Adds each interface's echo to `baseband` [scanlines × samples], at the sample that holds the echo's range.
 ///
-/// With the aperture, its gain replaces the loss of a path that has not reflected, and the axial path's echoes stand
-/// for those that a path missed behind its first reflection.
+/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. Behind it the
+/// path adds its own echoes, and the axial path's echoes times the gain.
 pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut [DVec2]) {
     for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;
@@ -29,7 +29,7 @@ pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut 
     }
 }
 
-/// Adds the echo at the start of a segment, times `weight`.
+/// Adds the echo at the start of segment `number` of a path, times `weight`.
 fn add(
     inputs: &Inputs,
     path: &Path,

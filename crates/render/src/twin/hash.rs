@@ -18,8 +18,9 @@ pub fn unit(bits: u32) -> f64 {
     f64::from(bits >> 8) / f64::from(1 << 24)
 }
 
-/// A number in 0..1 for dimension `dim` (0..4) of a path's `bounce`-th interface. `line_ray` is scanline × rays + ray.
-/// Low-discrepancy over the scanlines and rays at the first four interfaces, a plain hash after them.
+/// Random number in 0..1 for dimension `dim` (0..4) of a path's `bounce`-th interface. `line_ray` is the ray's index,
+/// scanline × rays per scanline + ray. Low-discrepancy over the scanlines and rays at the first four interfaces, a
+/// plain hash after them.
 pub fn sample_unit(seed: u32, line_ray: u32, layer: u32, bounce: u32, dim: u32) -> f64 {
     let rotation = pcg3d([seed, layer, bounce * 4 + dim]);
     if bounce < 4 {

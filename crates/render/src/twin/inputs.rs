@@ -12,7 +12,7 @@ use crate::params::Params;
 use crate::tables::{Tables, unpack_place};
 use crate::texture::PackedTexture;
 
-/// Origin (mm) and direction in the probe frame. A direction has length 1 in the plane of the scanlines.
+/// Ray in the probe frame, where its direction's projection on the scan plane has length 1, or in the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Origin on the probe face, mm.
@@ -21,18 +21,18 @@ pub struct Ray {
     pub direction: DVec3,
 }
 
-/// Position of a path across the slice: a straight line.
+/// Elevational position of a path: a straight line from the face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elevation {
     /// Elevational offset at the face, mm.
     pub offset_mm: f64,
-    /// Elevational offset per mm of ray.
+    /// Elevational offset per mm of ray in the scan plane.
     pub slope: f64,
     /// Length of the path per mm of depth.
     pub stretch: f64,
 }
 
-/// A triangle of the scene, relative to the tree's centre.
+/// A triangle of the scene, relative to the centre of the tree of bounding boxes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
     /// First corner, mm.
@@ -41,9 +41,9 @@ pub struct Triangle {
     pub edge1_mm: DVec3,
     /// Third corner minus the first, mm.
     pub edge2_mm: DVec3,
-    /// Reach beyond the edges, mm per mm of distance from the ray's origin.
+    /// Tolerance of the edge functions per mm of distance, mm: longest edge × `EDGE_TOLERANCE_PER_MM`.
     pub tolerance: f64,
-    /// Index of its surface; if surfaces overlap, the highest is the medium.
+    /// Index of its surface. Where surfaces overlap, the one with the highest index is the medium.
     pub surface: u32,
     /// Index of the triangle in the scene.
     pub index: u32,
@@ -51,22 +51,22 @@ pub struct Triangle {
     pub displacement_mm: DVec3,
 }
 
-/// A family of sheets of scatterers as a slice sees it.
+/// A family of parallel sheets that hold scatterers, as they lie to the slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SheetFamily {
-    /// Normal of the sheets, and the two axes of their cells.
+    /// Unit normal of the sheets, and the two axes of their cells.
     pub axes: [DVec3; 3],
     /// Distance along the elevational axis per mm along the normal.
     pub oblique: f64,
-    /// Way along the two axes per mm along the normal, on an elevational line.
+    /// Change of the coordinates along the two cell axes per mm along the normal, on an elevational line.
     pub drift: DVec2,
-    /// Part of its amplitude in the sum; the squares sum to 1.
+    /// Weight of its amplitude in the sum over the families; the squares of all weights sum to 1.
     pub share: f64,
-    /// Added to the number of each sheet.
+    /// Added to each sheet's number in its hash.
     pub salt: u32,
     /// Side of a cell, mm.
     pub cell_mm: f64,
-    /// Scatterers of a cell, 1 to 4.
+    /// Number of scatterers in a cell, 1 to 4.
     pub cell_scatterers: u32,
 }
 
@@ -79,7 +79,7 @@ pub struct Inputs {
     pub scene_from_probe: DMat3,
     /// Centre of the probe's face, mm.
     pub probe_mm: DVec3,
-    /// Scanlines.
+    /// Number of scanlines.
     pub scanlines: usize,
     /// Samples per scanline. Sample j is at range (j + ½)·spacing.
     pub samples: usize,
@@ -91,7 +91,7 @@ pub struct Inputs {
     pub phase_turns_per_mm: f64,
     /// Rays per scanline and layer.
     pub rays_per_line: usize,
-    /// Most reflections of a path.
+    /// Greatest number of reflections of a path.
     pub reflections_max: u32,
     /// Seed of every random choice.
     pub seed: u32,
@@ -99,7 +99,7 @@ pub struct Inputs {
     pub interface_echoes: bool,
     /// Whether paths reflect.
     pub reflections: bool,
-    /// Whether beams and reflected paths bend.
+    /// Whether beams and reflected paths are refracted.
     pub refraction: bool,
     /// Range by which the wavefront of a steered frame falls behind from one scanline to the next, mm.
     pub steer_shift_mm: f64,
@@ -107,22 +107,22 @@ pub struct Inputs {
     pub line_angle_rad: f64,
     /// Widest active aperture, mm.
     pub aperture_mm: f64,
-    /// A distance from the face that leads out of the whole scene, mm.
+    /// Distance from the face at which a ray has left the whole scene, mm.
     pub reach_mm: f64,
-    /// Rays [scanlines × rays_per_line].
+    /// Rays of a layer [scanlines × rays_per_line].
     pub rays: Vec<Ray>,
-    /// Axis of each scanline.
+    /// Axis of each scanline, the first ray of its axial path.
     pub axes: Vec<Ray>,
-    /// Layers.
+    /// Number of layers, the elevational parts of the beam.
     pub layers: usize,
-    /// Position of each path of a scanline across the slice [layers × rays_per_line].
+    /// Elevational position of each path of a scanline [layers × rays_per_line].
     pub elevations: Vec<Elevation>,
-    /// Axial paths, which set where the scatterers lie, stored after all layers' paths: one per scanline; 0 if a
-    /// scanline has only one path.
+    /// Number of axial paths, which set where the scatterers lie: one per scanline, stored after the paths of all
+    /// layers. 0 if the frame needs none.
     pub axial_paths: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
-    /// What moves; none in a scene without moving parts.
+    /// Moving parts of the scene; `None` if nothing moves.
     pub motion: Option<Motion>,
     /// Index of each surface's tissue.
     pub surface_tissue: Vec<usize>,
@@ -132,13 +132,13 @@ pub struct Inputs {
     pub media: Vec<Medium>,
     /// Index of the tissue outside of all surfaces.
     pub background: usize,
-    /// The same beyond the film of gel.
+    /// Index of the tissue outside of all surfaces beyond the film of gel.
     pub beyond: usize,
-    /// Thickness of the film of gel, mm; none if everything is coupled.
+    /// Thickness of the film of gel, mm; `None` if the whole face is coupled.
     pub film_mm: Option<f64>,
-    /// Samples of a scanline in `near_field`.
+    /// Number of samples per scanline in `near_field`.
     pub near_samples: usize,
-    /// Reverberation and clutter of each sample near the face [scanlines × near_samples].
+    /// Reverberation and clutter of each sample near the face, complex [scanlines × near_samples].
     pub near_field: Vec<[DVec2; 2]>,
     /// Amplitude of the white noise.
     pub noise: f64,
@@ -148,19 +148,20 @@ pub struct Inputs {
     pub reverberation: f64,
     /// Seed of the noise.
     pub noise_seed: u32,
-    /// Families of sheets that hold the scatterers; none: the lattice's cells hold them.
+    /// Families of sheets that hold the scatterers; if empty, the cells of the lattice hold them.
     pub sheets: Vec<SheetFamily>,
     /// Distance between the sheets of a family, mm.
     pub sheet_spacing_mm: f64,
-    /// 1/Y for each block of `depth_block` samples: sheets within ±Y count, 1/mm.
+    /// 1/Y for each block of `depth_block` samples, 1/mm. Sheets within the elevational distance ±Y count.
     pub sheets_per_reach_mm: Vec<f64>,
-    /// Textures by number − 1.
+    /// Textures; texture number n is at index n − 1.
     pub(crate) textures: Vec<PackedTexture>,
-    /// Gain of the scatterers of each block of `depth_block` samples: their speckle has the power of one scatterer.
+    /// Gain of the scatterers in each block of `depth_block` samples. With it, their speckle has the power of one
+    /// scatterer.
     pub scatterer_gain: Vec<f64>,
-    /// Lateral beam of each block of `depth_block` samples, from −half to +half scanlines.
+    /// Lateral kernel of each block of `depth_block` samples: weights of the scanlines from −half to +half.
     pub lateral_kernels: Vec<Vec<f64>>,
-    /// Samples that share a lateral beam and a gain.
+    /// Number of samples that share a lateral kernel and a gain.
     pub depth_block: usize,
     /// Envelope of the pulse, from −half to +half samples, 1 at its peak.
     pub pulse: Vec<f64>,
@@ -168,19 +169,20 @@ pub struct Inputs {
     pub tgc_db_per_mm: f64,
     /// Settings of the image.
     pub image: ImageUniforms,
-    /// Radius of the face, mm: 0 for a phased array, none for a linear one.
+    /// Radius of the face, mm: 0 for a phased array, `None` for a linear one.
     pub face_radius_mm: Option<f64>,
-    /// Tables of the aperture; none if its effect is off.
+    /// Tables of the aperture; `None` if its effect is off or the probe has none.
     pub aperture: Option<Aperture>,
-    /// Straight rays of the maps.
+    /// Straight rays along which the maps of tissue and attenuation are computed.
     pub map_rays: Vec<Ray>,
     /// Number of depths per map ray.
     pub map_depths: usize,
-    /// Spacing of those depths, mm.
+    /// Distance between the depths of a map ray, mm.
     pub map_step_mm: f64,
-    /// Scanline and sample of each pixel's centre, counted from the first ones' centres [height × width]; None outside.
+    /// Fractional indices of the scanline and the sample at each pixel's centre [height × width]; `None` outside the
+    /// sector.
     pub pixels: Vec<Option<[f64; 2]>>,
-    /// The same in the maps, whose rays are not steered.
+    /// Like `pixels`, for the maps, whose rays are not steered.
     pub map_pixels: Vec<Option<[f64; 2]>>,
 }
 
@@ -298,18 +300,18 @@ impl Inputs {
         }
     }
 
-    /// Part of a phased array's aperture that a scanline sees; 1 for other arrays.
+    /// Width of a phased array's aperture as a scanline sees it, over the full width; 1 for other arrays.
     pub fn projection(&self, line: usize) -> f64 {
         let angle_rad = self.line_angle_rad * (line as f64 + 0.5 - 0.5 * self.scanlines as f64);
         angle_rad.cos().max(PROJECTION_MIN)
     }
 
-    /// Number of paths of a frame that carry echoes: rays fastest, then scanlines, then layers.
+    /// Number of paths of a frame that carry echoes. In their order, rays vary fastest, then scanlines, then layers.
     pub fn sounding(&self) -> usize {
         self.rays.len() * self.layers
     }
 
-    /// Blocks of samples that share a lateral beam and a gain.
+    /// Number of blocks of samples in a scanline; a block shares a lateral kernel and a gain.
     pub fn blocks(&self) -> usize {
         self.samples.div_ceil(self.depth_block)
     }
@@ -324,12 +326,12 @@ impl Inputs {
         self.sounding() + self.axial_paths
     }
 
-    /// Part of the beam's energy of each path that carries echoes.
+    /// Fraction of the beam's energy in each path that carries echoes.
     pub fn path_weight(&self) -> f64 {
         1.0 / (self.rays_per_line * self.layers) as f64
     }
 
-    /// The position of a path across the slice. An axial path is in the image plane.
+    /// Elevational position of a path. An axial path is in the scan plane.
     pub fn elevation_of(&self, path: usize) -> Elevation {
         let image_plane = Elevation { offset_mm: 0.0, slope: 0.0, stretch: 1.0 };
         let across = path / self.rays.len() * self.rays_per_line + path % self.rays_per_line;
@@ -341,7 +343,7 @@ impl Inputs {
         (sample as f64 + 0.5) * self.sample_spacing_mm
     }
 
-    /// Depth of a position of the scene below the apex of the face, mm.
+    /// Depth of the scene position `here_mm` below the apex of the face, mm.
     pub fn below_face_mm(&self, here_mm: DVec3) -> f64 {
         (here_mm - self.probe_mm).dot(self.scene_from_probe * DVec3::Z)
     }
@@ -354,7 +356,8 @@ impl Inputs {
         }
     }
 
-    /// The first ray of a path in the scene: its scanline's, moved across the slice; an axial path's is the axis.
+    /// First ray of a path in the scene: its scanline's ray with the path's elevational offset and slope, or the axis
+    /// for an axial path.
     pub fn launch(&self, path: usize) -> Ray {
         let ray = match path.checked_sub(self.sounding()) {
             Some(line) => self.axes[line],

@@ -7,14 +7,18 @@ use super::profiles::Profile;
 use super::visibility::BlockGain;
 use crate::constants::NEIGHBOUR_GAIN_MAX;
 
-/// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Beyond the
-/// array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle later; without the aperture,
-/// the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers with the gain of its own
-/// aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the weaker one's amplitude
-/// is the least that is compared.
+/// Baseband after the lateral point-spread function [scanlines × samples]: each sample is a weighted sum over
+/// neighbouring scanlines.
 ///
-/// `gains` and `reflected` are those of the blocks [scanlines × blocks], `profiles` those of the planes; all are empty
-/// without the aperture.
+/// Beyond the array's ends, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle
+/// later. Without the aperture, the weights within are scaled to the sum of all.
+///
+/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes of reflected paths don't
+/// carry that gain: where both scanlines hold some, the own gain counts as at least the weaker scanline's amplitude by
+/// reflections.
+///
+/// `gains` and `reflected` are [scanlines × blocks], `profiles` [planes × scanlines]; all are empty without the
+/// aperture.
 pub fn lateral(
     inputs: &Inputs,
     gains: &[BlockGain],
@@ -65,12 +69,13 @@ pub fn lateral(
     focused
 }
 
-/// Mirror image of a position beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+/// Index of the scanline whose mirror image is at `at` − `half`, beyond the array's ends. No kernel is wider than the
+/// array.
 fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
     if at < half { half - at - 1 } else { 2 * scanlines - 1 - (at - half) }
 }
 
-/// A kernel as wide as a projection of the aperture makes it.
+/// The kernel, stretched by 1/`projection`: the aperture's projected width makes a wider beam.
 fn widened(kernel: &[f64], projection: f64) -> Vec<f64> {
     let half = kernel.len() / 2;
     let weight = |tap: usize| {
@@ -81,7 +86,7 @@ fn widened(kernel: &[f64], projection: f64) -> Vec<f64> {
     (0..kernel.len()).map(weight).collect()
 }
 
-/// Weights of a scanline's neighbours at a position among the planes.
+/// Weights of a scanline's neighbours at `position`, a fractional index of the depth planes.
 fn weights(inputs: &Inputs, kernel: &[f64], line: usize, position: f64, profiles: &[Profile]) -> Vec<f64> {
     let planes = profiles.len() / inputs.scanlines;
     if planes == 0 {
@@ -96,7 +101,8 @@ fn weights(inputs: &Inputs, kernel: &[f64], line: usize, position: f64, profiles
     kernel.iter().zip(pairs).map(|(kernel, (&of_a, &of_b))| mix(a.kept, b.kept) * kernel + mix(of_a, of_b)).collect()
 }
 
-/// Sample of a neighbour that lies on a scanline's wavefront.
+/// Sample of the scanline `other` on the steered wavefront through `sample`, turned to that one's phase. `lines` is the
+/// number of scanlines from the focused one to `other`.
 fn steered(inputs: &Inputs, baseband: &[DVec2], other: usize, sample: usize, lines: f64) -> DVec2 {
     let later_mm = lines * inputs.steer_shift_mm;
     let shift = (later_mm / inputs.sample_spacing_mm + 0.5).floor() as isize;

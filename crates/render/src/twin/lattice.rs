@@ -1,4 +1,5 @@
-//! The scatterer lattice, fixed in the scene. A scatterer is a pure hash of its cell: nothing repeats or is stored.
+//! The lattice of scatterers, fixed in the scene. A hash of a cell gives its scatterer: none is stored, and nothing
+//! repeats.
 
 use glam::{DVec2, DVec3};
 
@@ -8,7 +9,7 @@ use crate::constants::CELL_MM;
 /// Side of a cell as the device rounds it, mm.
 const CELL_F32_MM: f32 = CELL_MM as f32;
 
-/// The cell of a point.
+/// Cell of the lattice that holds a point.
 pub fn cell(point_mm: DVec3) -> [i32; 3] {
     // The device multiplies by this rounded number.
     let cells_per_mm = f64::from(1.0 / CELL_F32_MM);
@@ -20,14 +21,15 @@ pub fn hash(cell: [i32; 3]) -> [u32; 3] {
     pcg3d(cell.map(|c| c as u32))
 }
 
-/// Position of the scatterer in cell `cell`, mm; `bits` holds three ten-bit offsets.
+/// Position of the scatterer in cell `cell`, mm; `bits` holds three ten-bit offsets within the cell.
 pub fn scatterer_mm(cell: [i32; 3], bits: u32) -> DVec3 {
     let offset = |shift: u32| (f64::from((bits >> shift) & 1023) + 0.5) / 1024.0;
     let corner = DVec3::new(cell[0].into(), cell[1].into(), cell[2].into());
     (corner + DVec3::new(offset(0), offset(10), offset(20))) * f64::from(CELL_F32_MM)
 }
 
-/// A complex number of mean 0 and mean square 1, nearly Gaussian: each part is a sum of four nibbles (Irwin–Hall).
+/// A complex number of mean 0 and mean square 1, nearly Gaussian: its real and imaginary parts are sums of four nibbles
+/// each (Irwin–Hall).
 ///
 /// It represents the many scatterers of a real cell: speckle is fully developed even if a pulse covers few cells.
 pub fn scatterer_deviate(bits: u32) -> DVec2 {

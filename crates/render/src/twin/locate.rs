@@ -1,4 +1,4 @@
-//! Surfaces that each path starts inside, and the coupling of its part of the face.
+//! Surfaces that each path starts inside, and the acoustic coupling of the face there.
 
 use insonify_core::transducer::contact;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use super::surfaces::{Crossing, Membership, coincident, crossings};
 /// Start of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Launched {
-    /// Surfaces that it starts inside.
+    /// Surfaces that the path starts inside.
     pub inside: Membership,
     /// Amplitude, one way, that the face passes into the body, 0..=1.
     pub coupling: f64,
@@ -33,7 +33,8 @@ fn launched(inputs: &Inputs, ray: &Ray) -> Launched {
     Launched { inside, coupling: coupling(inputs, ray, &inside, ahead.first()) }
 }
 
-/// Coupling of a ray that starts on the face inside the surfaces `inside`, with the first crossing ahead.
+/// One-way amplitude that the face passes to a ray, 0..=1. The ray starts inside the surfaces `inside`; its first
+/// crossing is `ahead`.
 pub(super) fn coupling(inputs: &Inputs, ray: &Ray, inside: &Membership, ahead: Option<&Crossing<'_>>) -> f64 {
     let Some(film_mm) = inputs.film_mm else { return 1.0 };
     if inside.highest().is_some() {

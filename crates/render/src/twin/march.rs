@@ -10,22 +10,21 @@ use super::texture::texture_level_np;
 use super::visibility::{ApertureGain, Boundary};
 use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 
-/// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
+/// Baseband of the scatterers [scanlines × samples]. Scatterer amplitude is a·e^(−i2π·phase_turns_per_mm·range).
 ///
-/// A sample takes the scatterers at its range on the scanline's axial path, for all rays of the scanline: with
-/// scatterers per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density
-/// of the media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers
-/// as with many.
+/// All rays of a scanline share the scatterers at a sample's range on its axial path: with scatterers per ray, speckle
+/// would not converge. Their strength is the mean power of all rays, their density the mean of the media's, weighted by
+/// power. Fully developed speckle has the same statistics with few scatterers as with many.
 ///
-/// With the aperture, its gain replaces the loss of paths that have not reflected, and the axial path stands for those
-/// that have.
+/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. Behind it the
+/// path adds its own power, and the axial path's power times the gain.
 pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
 }
 
-/// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
-/// [scanlines × blocks].
+/// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain, at the first sample of each
+/// block [scanlines × blocks]; empty without the aperture.
 pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64> {
     let Some(aperture) = &inputs.aperture else { return Vec::new() };
     let of_block = |line: usize, block: usize| {
@@ -49,7 +48,8 @@ pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64
         .collect()
 }
 
-/// Factor of the texture at a sample of an axial path. Four samples share it: that between the second and the third.
+/// Amplitude factor of the texture at a sample of an axial path. Groups of four samples share the factor at their
+/// middle.
 fn texture_gain(inputs: &Inputs, axial_path: &Path, sample: usize) -> f64 {
     let samples = TEXTURE_SAMPLES as usize;
     let first = sample / samples * samples;
@@ -59,21 +59,22 @@ fn texture_gain(inputs: &Inputs, axial_path: &Path, sample: usize) -> f64 {
     texture_level_np(texture, segment.scatterer_mm(middle_mm)).exp()
 }
 
-/// Paths of a scanline.
+/// Indices of the paths that carry a scanline's echoes.
 fn paths_of(inputs: &Inputs, line: usize) -> impl Iterator<Item = usize> {
     let rays = inputs.rays_per_line;
     let first = move |layer: usize| (layer * inputs.scanlines + line) * rays;
     (0..inputs.layers).flat_map(move |layer| first(layer)..first(layer) + rays)
 }
 
-/// Power of a segment's scatterers at a range, with the segment's own loss; see [`scatterer_power`].
+/// Power of a segment's scatterers at a range, as [`scatterer_power`] times the path's own loss.
 fn own_power(segment: &Segment, range_mm: f64) -> DVec3 {
     let ln_amplitude = segment.ln_amplitude(range_mm);
     let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
     loss * scatterer_power(segment)
 }
 
-/// Power of a segment's scatterers: of their mean, of their deviation, and of both times the density.
+/// Power of a segment's scatterers without loss: of their mean amplitude, of its deviation, and the sum of both times
+/// the density.
 fn scatterer_power(segment: &Segment) -> DVec3 {
     let mean = segment.scatterer_mean.powi(2);
     let deviation = segment.scatterer_deviation.powi(2);

@@ -1,9 +1,9 @@
-//! Tissues as the passes need them.
+//! Acoustic properties of tissues, as the passes read them.
 
 use crate::constants::{TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
 use crate::tables::PackedTissue;
 
-/// A tissue as the passes need it.
+/// Acoustic properties of a tissue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Medium {
     /// Characteristic impedance, MRayl.
@@ -12,7 +12,7 @@ pub struct Medium {
     pub speed_ratio: f64,
     /// c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     pub bending: f64,
-    /// `speed_ratio` of what the aperture sees past hard media: 1 in those.
+    /// c/c₀ for sound that reaches the aperture past hard media: 1 in hard media, else `speed_ratio`.
     pub aperture_speed_ratio: f64,
     /// Two-way attenuation of the amplitude, nepers per mm of path.
     pub attenuation_np_mm: f64,
@@ -24,7 +24,7 @@ pub struct Medium {
     pub texture: usize,
     /// Mean amplitude of a scatterer.
     pub scatterer_mean: f64,
-    /// Standard deviation of that amplitude.
+    /// Standard deviation of a scatterer's amplitude.
     pub scatterer_deviation: f64,
     /// Thickness of the transition at its surfaces, mm.
     pub thickness_mm: f64,

@@ -66,7 +66,7 @@ pub use trace::trace;
 pub use transmission::{Transmission, transmission};
 pub use visibility::{BlockGain, Boundary, block_gains, visibility};
 
-/// All passes, from a pose to the maps of a frame.
+/// Runs all passes of a frame and returns its maps.
 pub fn frame(inputs: &Inputs) -> Maps {
     let paths = trace(inputs, &locate(inputs));
     let beams = inputs.aperture.as_ref().map(|aperture| {

@@ -13,35 +13,35 @@ use insonify_core::anatomy::motion::Shape;
 pub struct Vertex {
     /// Rest position relative to the tree's centre, mm.
     pub rest_mm: DVec3,
-    /// Bit set of the fields that move it.
+    /// Bit set of the displacement fields that move it.
     pub fields: u32,
 }
 
-/// What moves, and by which amounts.
+/// Moving vertices and triangles, and the fields that displace them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// Fields, in scene coordinates.
+    /// Displacement fields, in scene coordinates.
     pub shapes: Vec<Shape>,
-    /// Amounts of each field, 0..=1.
+    /// Amounts of each displacement field at the frame's time, 0..=1.
     pub amounts: Vec<[f64; 2]>,
-    /// Centre of the tree in the scene, mm.
+    /// Centre of the tree of bounding boxes in the scene, mm.
     pub centre_mm: DVec3,
     /// Moving vertices.
     pub vertices: Vec<Vertex>,
-    /// Vertices of each triangle from `first_triangle` on.
+    /// Vertex indices of each triangle from `first_triangle` on.
     pub corners: Vec<[usize; 3]>,
     /// Index of the first moving triangle.
     pub first_triangle: usize,
-    /// Indices of the refitted nodes except the root, which joins the trees.
+    /// Indices of the tree's nodes that are refitted, except the root.
     pub refitted: Vec<usize>,
 }
 
 /// A node of the tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Node {
-    /// Step of its boxes, mm.
+    /// Quantisation step of its children's boxes, mm.
     pub step_mm: DVec3,
-    /// Its children; empty places are left out.
+    /// Its children; empty slots are left out.
     pub children: Vec<Child>,
 }
 
@@ -59,14 +59,14 @@ pub struct Child {
 /// What a child's box holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Below {
-    /// A node.
+    /// Index of a node.
     Node(usize),
-    /// Triangles.
+    /// Indices of triangles.
     Leaf(Range<usize>),
 }
 
 impl Motion {
-    /// Inputs from the tables and the amounts of a frame.
+    /// Inputs from the scene's tables and a frame's amounts.
     pub(crate) fn new(tables: &MotionTables, moved: &Moved) -> Self {
         let vertex = |&[x, y, z, fields]: &[u32; 4]| Vertex {
             rest_mm: DVec3::from_array([x, y, z].map(|bits| f32::from_bits(bits).into())),
@@ -85,7 +85,7 @@ impl Motion {
 }
 
 impl Node {
-    /// A node from its words.
+    /// Decodes a node of the packed tree.
     pub(crate) fn decode(words: &[u32; 20]) -> Self {
         let node: &CwBvhNode = bytemuck::cast_ref(words);
         let child = |slot: usize| {

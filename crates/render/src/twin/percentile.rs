@@ -4,7 +4,8 @@ use super::inputs::Inputs;
 use super::section::Run;
 use crate::constants::BRIGHTEST_PART;
 
-/// The Σμ (nepers) below which 2 % of the sector's area lies: e^(−Σμ) is the map's 98th percentile.
+/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies. e^(−Σμ) is the map's
+/// 98th percentile.
 pub fn percentile(inputs: &Inputs, runs: &[Vec<Run>]) -> f64 {
     let wanted = BRIGHTEST_PART * area(inputs, inputs.depth_mm) * runs.len() as f64;
     let in_front = |limit_np: f64| -> f64 { runs.iter().map(|r| area(inputs, reach_mm(inputs, r, limit_np))).sum() };
@@ -17,12 +18,12 @@ pub fn percentile(inputs: &Inputs, runs: &[Vec<Run>]) -> f64 {
     0.5 * (low + high)
 }
 
-/// Area of a ray's strip of the sector up to a depth, over the rays' spacing.
+/// Area of a map ray's strip of the sector up to a depth, over the rays' spacing.
 fn area(inputs: &Inputs, depth_mm: f64) -> f64 {
     inputs.face_radius_mm.map_or(depth_mm, |radius| depth_mm * (0.5 * depth_mm + radius))
 }
 
-/// Depth on a ray at which Σμ exceeds `limit_np`, at most the image's.
+/// Depth on a map ray at which Σμ exceeds `limit_np`, mm; at most the image's depth.
 fn reach_mm(inputs: &Inputs, runs: &[Run], limit_np: f64) -> f64 {
     for (i, run) in runs.iter().enumerate() {
         let end_mm = runs.get(i + 1).map_or(inputs.depth_mm, |next| next.start_mm);

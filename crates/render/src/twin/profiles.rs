@@ -1,4 +1,4 @@
-//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions.
+//! Weights of a scanline's neighbours at each depth plane, from the amplitude of its beam at their positions.
 
 use rayon::prelude::*;
 
@@ -6,16 +6,17 @@ use super::aperture::Aperture;
 use super::inputs::Inputs;
 use crate::constants::{PROFILE_CUT, UNLIKE};
 
-/// Weights of one scanline at one plane.
+/// Weights of a scanline's neighbours at one plane: the depth's kernel times `kept`, plus `weights`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// Part of the depth's kernel in its weights; the rest is in `weights`.
+    /// Factor of the depth's kernel, 0..=1.
     pub kept: f64,
-    /// Weights from −half to +half scanlines; zero where the beam hardly reaches.
+    /// Weights of the neighbours from −half to +half scanlines; zero where the beam hardly reaches.
     pub weights: Vec<f64>,
 }
 
-/// Profiles [planes × scanlines], from the amplitudes of the beams. Planes before `first` take their kernels.
+/// Profiles [planes × scanlines], from the beams' `amplitudes` [planes × beams × cells]. Planes before `first` are
+/// unobstructed and keep their kernels.
 pub fn profiles(inputs: &Inputs, aperture: &Aperture, first: usize, amplitudes: &[f64]) -> Vec<Profile> {
     let of_plane = |plane: usize| -> Vec<Profile> {
         let taps = inputs.lateral_kernels[0].len();
@@ -62,7 +63,8 @@ fn of_line(aperture: &Aperture, plane: usize, line: usize, beams: &[f64], plain:
     Profile { kept, weights }
 }
 
-/// A profile that is known one cell apart, at the positions of the neighbours; zero beyond its reach.
+/// Resamples a beam profile at the neighbours' positions; zero beyond its reach. `at` gives the profile at whole cells
+/// from the axis.
 fn weights(aperture: &Aperture, plane: usize, taps: usize, at: impl Fn(isize) -> f64) -> Vec<f64> {
     let weight = |tap: usize| {
         let offset = (tap as f64 - (taps / 2) as f64) * aperture.line_spacing_cells;
@@ -76,7 +78,7 @@ fn weights(aperture: &Aperture, plane: usize, taps: usize, at: impl Fn(isize) ->
     (0..taps).map(weight).collect()
 }
 
-/// The Catmull-Rom spline through four values, between the second and the third.
+/// The Catmull-Rom spline through four values, at the fraction `part` of the way from the second to the third.
 fn catmull_rom([a, b, c, d]: [f64; 4], part: f64) -> f64 {
     let bend = a - 2.5 * b + 2.0 * c - 0.5 * d;
     let twist = 0.5 * (d - a) + 1.5 * (b - c);

@@ -1,12 +1,13 @@
-//! Propagation of the modes from plane to plane through the transmission and the delays of the scan plane, by plain
-//! Fourier sums.
+//! Propagation of the modes (waves along the face) from plane to plane through the transmission and the delays of the
+//! scan plane, by plain Fourier sums.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
 use super::aperture::Aperture;
 
-/// Field of each mode at each cell, before the interval of each plane [modes × planes × cells].
+/// Field of each mode at each cell of each plane [modes × planes × cells], before the plane's interval transmits and
+/// delays it.
 pub fn propagate(aperture: &Aperture, mask: &[DVec2]) -> Vec<DVec2> {
     let (cells, planes) = (aperture.cells, aperture.planes);
     let roots: Vec<DVec2> =

@@ -1,4 +1,5 @@
-//! What the receiver adds to the focused lines: noise, clutter near the face, and reverberation where it is not coupled.
+//! Additions of the receiver to the focused lines: noise, clutter near the face, and reverberation where the face is
+//! not coupled.
 
 use glam::DVec2;
 
@@ -10,7 +11,7 @@ use super::{hash, lattice};
 pub fn receive(inputs: &Inputs, paths: &[Path], focused: &[DVec2]) -> Vec<DVec2> {
     let mut received = focused.to_vec();
     for (line, row) in received.chunks_exact_mut(inputs.samples).enumerate() {
-        // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
+        // ln of the two-way amplitude that the face passes. Reverberation is the part that stays in the probe.
         let ln_passed = paths[inputs.axial_path_of(line)].segments[0].ln_passed_at_zero;
         let near = inputs.near_field.iter().skip(line * inputs.near_samples).take(inputs.near_samples);
         for (sample, [reverberation, clutter]) in row.iter_mut().zip(near) {

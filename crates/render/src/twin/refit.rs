@@ -1,18 +1,18 @@
-//! Boxes of a tree about moved triangles.
+//! Boxes of a tree, fitted to moved triangles.
 
 use glam::DVec3;
 
 use super::inputs::Triangle;
 use super::motion::{Below, Node};
 
-/// Smallest boxes of the children of each node below the first: minimum and maximum corners, mm.
+/// Smallest boxes of each node's children, for node 0 and all nodes below it: minimum and maximum corners, mm.
 pub fn refit(nodes: &[Node], triangles: &[Triangle]) -> Vec<Vec<[DVec3; 2]>> {
     let mut boxes = vec![Vec::new(); nodes.len()];
     fit(nodes, triangles, 0, &mut boxes);
     boxes
 }
 
-/// Boxes of the children of a node and all below it; returns its own.
+/// Fits the boxes of a node's children and of all nodes below. Returns the node's own box.
 fn fit(nodes: &[Node], triangles: &[Triangle], node: usize, boxes: &mut [Vec<[DVec3; 2]>]) -> [DVec3; 2] {
     let of_children: Vec<[DVec3; 2]> = nodes[node]
         .children

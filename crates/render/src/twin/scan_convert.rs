@@ -4,19 +4,19 @@ use super::inputs::Inputs;
 use super::section::RasterPoint;
 use crate::constants::{CONTRAST_MIN_NP_MM, FIRST_TISSUE, ONE_WAY};
 
-/// The maps of a frame, row-major, the first row nearest to the probe; 0 outside the sector.
+/// Image and maps of a frame, row-major, the first row nearest to the probe; 0 outside the sector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
     /// Grey levels before rounding, 0..=255 [height × width].
     pub grey: Vec<f64>,
-    /// Tissue numbers: index + 1 [height × width].
+    /// Tissue numbers: index of the tissue + 1 [height × width].
     pub segmentation: Vec<u8>,
-    /// One-way attenuation over its 98th percentile, 0..=1 [height × width].
+    /// One-way attenuation e^(−Σμ) over its 98th percentile, 0..=1 [height × width].
     pub attenuation: Vec<f64>,
 }
 
-/// Interpolates every pixel from the scanlines (bilinear) and from the map rays (Σμ linear between two rays,
-/// the tissue of the nearer one; exact between their depths).
+/// Interpolates every pixel. Grey levels are bilinear between scanlines. Between two map rays, Σμ is linear and the
+/// tissue is the nearer ray's; between the depths of a map ray, both are exact.
 pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], percentile_np: f64) -> Maps {
     let count = inputs.pixels.len();
     let mut maps = Maps { grey: vec![0.0; count], segmentation: vec![0; count], attenuation: vec![0.0; count] };
@@ -24,7 +24,7 @@ pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], perce
         if let Some([line, sample]) = *positions.0 {
             maps.grey[pixel] = bilinear(inputs, grey, line, sample);
         }
-        // Maps are straight, whatever the scanlines.
+        // Map rays are straight, even if scanlines are steered.
         if let Some([line, sample]) = *positions.1 {
             let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
             maps.segmentation[pixel] = (point.tissue as u32 + FIRST_TISSUE) as u8;
@@ -45,7 +45,8 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
     mix(along(line as usize), along((line as usize + 1).min(inputs.scanlines - 1)), line.fract())
 }
 
-/// The medium and Σμ at a depth of a scanline, between two map rays or up to half a spacing beyond the outer ones.
+/// Tissue and Σμ at a depth and a fractional scanline index, between two map rays or up to half a spacing beyond the
+/// outer ones.
 fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> RasterPoint {
     let count = inputs.map_rays.len();
     let position = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;
@@ -58,8 +59,8 @@ fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> 
     RasterPoint { sum_np, tissue: if part >= 0.5 { next.tissue } else { one.tissue } }
 }
 
-/// The medium and Σμ between two depths of a map ray. If two tissues meet between them, the Σμ at both depths gives the
-/// length of the step in each.
+/// Tissue and Σμ between two depths of a map ray. If they lie in different tissues, Σμ at both depths tells where the
+/// boundary between them is.
 fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoint {
     let step_mm = inputs.map_step_mm;
     let index = ((depth_mm / step_mm) as usize).min(on_ray.len() - 2);
@@ -74,7 +75,7 @@ fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoin
     let boundary_mm = if contrast.abs() > CONTRAST_MIN_NP_MM {
         ((after.sum_np - before.sum_np - rate(after) * step_mm) / contrast).clamp(0.0, step_mm)
     } else {
-        // Unknown if both attenuate alike: halfway is within half a pixel.
+        // If both attenuate alike, the boundary is unknown: halfway, it is within half a pixel.
         0.5 * step_mm
     };
     let in_after_mm = (beyond_mm - boundary_mm).max(0.0);

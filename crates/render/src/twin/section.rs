@@ -10,11 +10,11 @@ use crate::constants::{COUPLED_MIN, ONE_WAY};
 /// A stretch of one medium on a map ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
-    /// Depth at which it begins, mm.
+    /// Depth at which the run begins, mm.
     pub start_mm: f64,
     /// One-way attenuation from the face to its start, Σμ in nepers.
     pub sum_np: f64,
-    /// One-way attenuation in it, nepers/mm.
+    /// One-way attenuation in the run, nepers/mm.
     pub rate_np_mm: f64,
     /// Index of its tissue.
     pub tissue: usize,
@@ -34,7 +34,7 @@ pub struct RasterPoint {
 pub struct Sections {
     /// Runs of each map ray, nearest first; at least one each.
     pub runs: Vec<Vec<Run>>,
-    /// The same at every `map_step_mm` of depth [map rays × map_depths].
+    /// Points at every `map_step_mm` of depth [map rays × map_depths].
     pub raster: Vec<RasterPoint>,
 }
 

@@ -6,12 +6,12 @@ use super::inputs::{Inputs, SheetFamily};
 use super::lattice;
 use crate::constants::{SCATTERER_STRIDE, SHEETS};
 
-/// Scatterers of a sample as the paths see them.
+/// Amplitude and density of a sample's scatterers, averaged over the paths of its scanline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strength {
     /// Mean of a scatterer's amplitude.
     pub(super) mean: f64,
-    /// Standard deviation of that amplitude.
+    /// Standard deviation of a scatterer's amplitude.
     pub(super) deviation: f64,
     /// Part of the cells that hold a scatterer, in 1/131072.
     pub(super) density: f64,
@@ -20,15 +20,15 @@ pub(super) struct Strength {
 /// A sample's position on its axial path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Position {
-    /// Point of the scene, mm.
+    /// Scatterer lookup position, mm.
     pub(super) here_mm: DVec3,
-    /// Way per mm of range.
+    /// Change of that position per mm of range.
     pub(super) step: DVec3,
     /// Range, mm.
     pub(super) range_mm: f64,
 }
 
-/// Echo of the one scatterer of the sample's lattice cell.
+/// Echo of the scatterer in the sample's lattice cell.
 pub(super) fn of_lattice(inputs: &Inputs, position: Position, strength: Strength) -> DVec2 {
     let cell = lattice::cell(position.here_mm);
     let bits = lattice::hash(cell);
@@ -36,7 +36,8 @@ pub(super) fn of_lattice(inputs: &Inputs, position: Position, strength: Strength
     scatterer(inputs, bits, ahead, position, strength)
 }
 
-/// Echo of the scatterers where the sample's elevational line meets sheets.
+/// Echo of the scatterers in the cells where the sample's elevational line meets sheets. `per_reach_mm` is 1/Y: sheets
+/// within the elevational distance ±Y count.
 pub(super) fn of_sheets(inputs: &Inputs, position: Position, strength: Strength, per_reach_mm: f64) -> DVec2 {
     inputs.sheets.iter().map(|family| of_family(inputs, family, position, strength, per_reach_mm)).sum()
 }
@@ -55,7 +56,7 @@ fn of_family(
     let (mut echo, mut squares) = (DVec2::ZERO, 0.0);
     for sheet in lowest..lowest + SHEETS as i32 {
         let off_mm = f64::from(sheet) * inputs.sheet_spacing_mm - across_mm;
-        // Distance along the elevational axis over Y.
+        // Elevational distance to the sheet, over Y.
         let y = off_mm * family.oblique * per_reach_mm;
         let weight = (1.0 - y * y).max(0.0).powi(2);
         let met_mm = DVec2::new(first.dot(position.here_mm), second.dot(position.here_mm)) + off_mm * family.drift;
@@ -76,13 +77,13 @@ fn of_family(
     family.share / squares.sqrt() * echo
 }
 
-/// Position of a scatterer by its random word: twice ten bits.
+/// Position of a scatterer in its cell, in cells, from two ten-bit numbers of its random word.
 fn offset(bits: u32) -> DVec2 {
     (DVec2::new((bits & 1023).into(), (bits >> 10 & 1023).into()) + 0.5) / 1024.0
 }
 
-/// Random words and offset of the cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two
-/// lie in opposite quarters.
+/// Random words of the cell's scatterer nearest in range to the sample, and its offset from the sample, mm. Each
+/// scatterer lies in its own quarter of the cell; two lie in opposite quarters.
 fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step: DVec3) -> ([u32; 3], DVec3) {
     let [presence, position, amplitude] = bits;
     let of_quarter = |quarter: u32| {
@@ -97,7 +98,7 @@ fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step
     (1..scatterers).map(of_quarter).fold(first, |best, other| if off(other.1) < off(best.1) { other } else { best })
 }
 
-/// Echo of a scatterer with the random words `bits`, `ahead_mm` beyond its sample.
+/// Echo of a scatterer with the random words `bits`, at the offset `ahead_mm` from its sample.
 fn scatterer(inputs: &Inputs, bits: [u32; 3], ahead_mm: DVec3, position: Position, strength: Strength) -> DVec2 {
     let [presence, _, amplitude] = bits;
     if f64::from(presence >> 15) >= strength.density {
@@ -111,7 +112,7 @@ fn scatterer(inputs: &Inputs, bits: [u32; 3], ahead_mm: DVec3, position: Positio
 }
 
 impl Inputs {
-    /// Baseband phase of an echo at `range_mm`: e^(−i2k₀z) for 2k₀ = 2π·2f/c₀.
+    /// Baseband phase factor of an echo at `range_mm`: e^(−i2k₀z) for 2k₀ = 2π·2f/c₀.
     pub fn carrier(&self, range_mm: f64) -> DVec2 {
         DVec2::from_angle(-std::f64::consts::TAU * (self.phase_turns_per_mm * range_mm).fract())
     }

@@ -10,7 +10,7 @@ use crate::constants::TOUCH_MM;
 pub struct Membership(pub [u32; 8]);
 
 impl Membership {
-    /// Enters or leaves a surface.
+    /// Marks the point as inside or outside of a surface.
     pub fn set(&mut self, surface: u32, inside: bool) {
         let (word, bit) = ((surface >> 5) as usize, 1 << (surface & 31));
         if inside {
@@ -20,13 +20,13 @@ impl Membership {
         }
     }
 
-    /// The highest surface that the point is inside.
+    /// Index of the highest surface that the point is inside; `None` outside of all.
     pub fn highest(&self) -> Option<u32> {
         (0..256).rev().find(|s| self.0[(s >> 5) as usize] >> (s & 31) & 1 == 1)
     }
 
-    /// Index of the tissue at the point `here_mm`: the highest surface's; else the background, or air beyond the film of
-    /// gel.
+    /// Index of the tissue at the point `here_mm`: that of the highest surface. Outside of all surfaces it is the
+    /// background, or air beyond the film of gel.
     pub fn medium(&self, inputs: &Inputs, here_mm: DVec3) -> usize {
         let depth_mm = inputs.below_face_mm(here_mm);
         let outside =
@@ -34,8 +34,8 @@ impl Membership {
         self.highest().map_or(outside, |s| inputs.surface_tissue[s as usize])
     }
 
-    /// Applies coincident crossings. A surface that is entered and left there is a crease or a silhouette: its
-    /// membership is unchanged.
+    /// Enters and leaves surfaces at coincident crossings. A surface both entered and left there has a crease or a
+    /// silhouette: its membership is unchanged.
     pub(super) fn cross(&mut self, coincident: &[Crossing<'_>]) {
         for crossing in coincident {
             let surface = crossing.triangle.surface;
@@ -85,7 +85,7 @@ fn intersect<'a>(triangle: &'a Triangle, ray: &Ray) -> Option<Crossing<'a>> {
     hit.then(|| Crossing { t_mm: t0 + triangle.edge2_mm.dot(q) / determinant, enters: determinant > 0.0, triangle })
 }
 
-/// Groups of crossings, each within TOUCH_MM of its first.
+/// Splits sorted crossings into groups, each within TOUCH_MM of its first.
 pub(super) fn coincident<'a, 'b>(mut crossings: &'b [Crossing<'a>]) -> impl Iterator<Item = &'b [Crossing<'a>]> {
     std::iter::from_fn(move || {
         let limit = crossings.first()?.t_mm + TOUCH_MM;

@@ -18,7 +18,7 @@ pub(crate) fn texture_level_np(texture: &PackedTexture, here_mm: DVec3) -> f64 {
     level + cloud * field(0, stretched_mm) + grain * field(1, stretched_mm) + septa * septum
 }
 
-/// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
+/// Value at a point of a Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
 fn gaussian_field(at: DVec3) -> f64 {
     let sum: f64 = waves()
         .iter()

@@ -16,10 +16,10 @@ use crate::constants::{
     REFLECTION_FOLLOWED, SEGMENTS, SURFACE_SALT, TOUCH_MM,
 };
 
-/// Follows every path through the scene, from its start `[paths]`.
+/// Follows every path through the scene, from its start in `launches` `[paths]`.
 ///
 /// At a change of medium, the interface returns an echo. The path then reflects with probability R, else it is
-/// refracted (Russian roulette). A sample's range is time: mm of path over the medium's c/c₀.
+/// refracted (Russian roulette). Range stands for time: mm of path over the medium's c/c₀.
 pub fn trace(inputs: &Inputs, launches: &[Launched]) -> Vec<Path> {
     (0..inputs.paths()).into_par_iter().map(|path| Tracer::new(inputs, path, launches[path]).run()).collect()
 }
@@ -29,23 +29,24 @@ struct Tracer<'a> {
     inputs: &'a Inputs,
     line_ray: usize,
     layer: usize,
-    /// Length per mm of depth.
+    /// Length of the path per mm of depth.
     stretch: f64,
     /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
     /// reflected paths miss.
     is_axial: bool,
     inside: Membership,
-    /// Whether the path goes on beyond the film: its start is coupled, or apertures nearby may reach what lies below.
+    /// Whether the path goes on beyond the film of gel: its start is coupled, or apertures nearby may reach what lies
+    /// below.
     goes_on: bool,
     ray: Ray,
     range_mm: f64,
-    /// Range that this path saved in fast hard bodies, mm. Sound of the aperture goes past such bodies and saves none.
+    /// Range that this path saved in fast hard bodies, mm. The aperture's sound goes around such bodies and saves none.
     behind_mm: f64,
     ln_amplitude: f64,
-    /// ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
-    /// half of an interface's loss; this is the other half.
+    /// ln of an amplitude factor of the scatterers alone. Their powers add over the paths, so the random choice of
+    /// reflection makes half of an interface's loss in nepers; this is the other half.
     ln_scatter: f64,
-    /// ln of the amplitude of a wave that passes every interface, and whether the path has reflected.
+    /// ln of the two-way amplitude of a wave that passes every interface.
     ln_passed: f64,
     has_reflected: bool,
     bounce: u32,
@@ -55,7 +56,7 @@ struct Tracer<'a> {
 
 /// Interface at which a path changes its medium.
 struct MediumChange<'a> {
-    /// Surfaces that the path was inside before.
+    /// Surfaces that the path was inside before the interface.
     before: Membership,
     crossing: Crossing<'a>,
     /// Index of the tissue beyond.
@@ -93,7 +94,7 @@ impl<'a> Tracer<'a> {
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = self.goes_on;
         loop {
-            // Segments beyond the capacity replace the last one: the stretch before them counts as the medium before.
+            // A segment beyond the capacity replaces the last one, whose stretch then counts as the medium before it.
             path.segments.truncate(SEGMENTS as usize - 1);
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
             if !open {
@@ -134,7 +135,7 @@ impl<'a> Tracer<'a> {
             if reflects {
                 self.inside = change.before;
                 reflections += 1;
-                // A rough surface spreads part of the beam beyond the aperture, both ways.
+                // A rough surface spreads part of the beam beyond the aperture, on the way out and back.
                 self.ln_amplitude += accepted.ln();
                 self.ln_scatter += 0.5 * split.energy_reflection.max(1.0e-30).ln();
                 self.reflect(facet, normal);
@@ -146,7 +147,8 @@ impl<'a> Tracer<'a> {
                 }
                 here = change.there;
                 if self.by_aperture() && beyond.speed_ratio <= beyond.aperture_speed_ratio {
-                    // Echoes from behind a fast body go past it, so the range that it took off is added again.
+                    // Echoes from behind a fast body go around it, so the range that the path saved in it is added
+                    // again.
                     self.range_mm += self.behind_mm;
                     self.behind_mm = 0.0;
                 }
@@ -171,12 +173,12 @@ impl<'a> Tracer<'a> {
         self.inputs.aperture.is_some() && !self.has_reflected
     }
 
-    /// A number in 0..1 for dimension `dim` of the interface at hand.
+    /// Random number in 0..1 for dimension `dim` of the current interface.
     fn random(&self, dim: u32) -> f64 {
         hash::sample_unit(self.inputs.seed, self.line_ray as u32, self.layer as u32, self.bounce, dim)
     }
 
-    /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
+    /// Length of path per mm of range. Range counts depth: the lens delays its middle, so echoes of oblique layers come
     /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
         // For the aperture, slow hard media delay nothing behind them.
@@ -184,12 +186,12 @@ impl<'a> Tracer<'a> {
         self.stretch * if past_it { tissue.aperture_speed_ratio } else { tissue.speed_ratio }
     }
 
-    /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
+    /// [`Self::path_per_range`] of the aperture's sound, which goes around hard bodies.
     fn aperture_path_per_range(&self, tissue: &Medium) -> f64 {
         if self.by_aperture() { self.stretch * tissue.aperture_speed_ratio } else { self.path_per_range(tissue) }
     }
 
-    /// The segment that begins here.
+    /// The segment that begins at the path's current position.
     fn segment(&self, tissue: &Medium, echo: f64, echo_range_mm: f64) -> Segment {
         let step = self.ray.direction * self.path_per_range(tissue);
         // The loss of a fast body is spread over the range that it has for the aperture.
@@ -211,7 +213,8 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Advances to the next change of medium, across surfaces that a higher one hides; None if the depth ends first.
+    /// Advances to the next change of medium, past surfaces that a higher one hides. `None` if the image's depth ends
+    /// first, or after too many crossings.
     fn next_change(&mut self, here: usize, crossed: &mut u32) -> Option<MediumChange<'a>> {
         let tissue = self.inputs.media[here];
         // Skips the interface just left.
@@ -231,7 +234,7 @@ impl<'a> Tracer<'a> {
             gone_mm = t_mm;
             let there = self.inside.medium(self.inputs, self.ray.origin_mm + self.ray.direction * t_mm);
             if there != here {
-                // The interface is the first in the scene of the highest surface's triangles.
+                // The interface is the first triangle, by index, of the highest surface that is crossed.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));
                 met = coincident.iter().max_by_key(order).map(|&crossing| MediumChange { before, crossing, there });
                 break;
@@ -246,8 +249,8 @@ impl<'a> Tracer<'a> {
         met
     }
 
-    /// A microfacet of a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness tilts the
-    /// facet, half widens the lobe about it.
+    /// Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes. Half of the roughness
+    /// tilts the facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
         // An axial path has a facet of its own only if its scanline has a single path.
@@ -264,7 +267,7 @@ impl<'a> Tracer<'a> {
         if facet.dot(self.ray.direction) > -FACET_COS_MIN { n } else { facet }
     }
 
-    /// Amplitude and range (mm) of the echo of the interface here.
+    /// Amplitude and range (mm) of the echo of the interface at the path's position.
     fn echo(
         &self,
         at_facet: &Interface,
@@ -276,7 +279,7 @@ impl<'a> Tracer<'a> {
         if !self.inputs.interface_echoes {
             return (0.0, self.range_mm);
         }
-        // Shifted within the interface's thickness by a hash of the position.
+        // The echo's range is shifted within the interface's thickness by a hash of the position.
         let salt = (surface as i32 + 1).wrapping_mul(SURFACE_SALT as i32);
         let offset =
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
@@ -316,7 +319,7 @@ impl<'a> Tracer<'a> {
         half_angle.clamp(APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX).powi(2)
     }
 
-    /// Reflects at the facet, or at the mean surface if the facet would reflect the path through it.
+    /// Reflects at the facet, or at the mean surface if the facet would reflect the path through the surface.
     fn reflect(&mut self, facet: DVec3, normal: DVec3) {
         let direction = self.ray.direction;
         let mirrored = |n: DVec3| direction - 2.0 * direction.dot(n) * n;
@@ -343,7 +346,7 @@ fn boundary(tissue: &Medium, beyond: &Medium) -> Medium {
     }
 }
 
-/// The interface of two media, at an angle.
+/// Reflection and transmission between two media, at an angle of incidence.
 fn between(from: &Medium, to: &Medium, cos_incident: f64) -> Interface {
     interface(from.impedance_mrayl, to.impedance_mrayl, from.bending, to.bending, cos_incident)
 }

@@ -1,5 +1,5 @@
-//! Transmission of the scan plane: what each cell of each interval lets pass, and by how much it delays it, from the loss
-//! and the speed along the paths.
+//! Transmission of the scan plane: the amplitude that each cell passes in each depth interval, and its delay, from the
+//! loss and the speed along the paths.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -12,10 +12,10 @@ use crate::constants::{DELAY_MIN, HARD_SPEED, TRANSMISSION_MIN};
 /// Transmission of the scan plane.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Transmission {
-    /// Transmission of a cell over the greatest of its row, with the phase of its delay against the middle cell
-    /// [planes × cells].
+    /// Amplitude that each cell passes over the greatest of its row, with the phase of its delay relative to the middle
+    /// cell [planes × cells].
     pub mask: Vec<DVec2>,
-    /// Loss of that greatest one, one-way nepers `[planes]`.
+    /// Loss of each row's best cell, one-way nepers `[planes]`.
     pub row_np: Vec<f64>,
 }
 
@@ -41,7 +41,8 @@ pub fn transmission(inputs: &Inputs, aperture: &Aperture, paths: &[Path]) -> Tra
     }
 }
 
-/// Transmission of a cell between two depths: mean amplitude over the rays, mean power of both ways over the layers.
+/// One-way amplitude that a cell passes between two depths: averaged as amplitude over the rays, as two-way power over
+/// the layers.
 fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize, [from, to]: [f64; 2]) -> f64 {
     let passed = |path: &Path, axial_path: &Path, _stretch: f64| {
         (-(loss_np(path, axial_path, to) - loss_np(path, axial_path, from)).max(0.0)).exp()
@@ -62,7 +63,7 @@ fn delayed_mm(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize,
     (0..inputs.layers).map(of_layer).sum::<f64>() / inputs.layers as f64
 }
 
-/// Mean over the rays of a cell of a value of their path, their axial path and their stretch.
+/// Weighted mean over the rays of a cell of `value`, a function of path, axial path and stretch.
 fn mean_over_rays(
     inputs: &Inputs,
     paths: &[Path],
@@ -83,7 +84,7 @@ fn mean_over_rays(
     (0..count).map(weighted).sum::<f64>() / (0..count).map(weight_of).sum::<f64>()
 }
 
-/// Range of a path less its depth, mm; from its first reflection on, it rises as that of the axial path.
+/// Range minus depth of a path at `range_mm`, mm. From its first reflection on, it rises like the axial path's.
 fn late_mm(path: &Path, axial_path: &Path, stretch: f64, range_mm: f64) -> f64 {
     let reflection = path.segments.iter().find(|segment| segment.has_reflected);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
@@ -95,7 +96,7 @@ fn late_mm(path: &Path, axial_path: &Path, stretch: f64, range_mm: f64) -> f64 {
     }
 }
 
-/// Range that a path gains over its depth between two ranges, mm; hard media delay nothing.
+/// Rise of range minus depth along a path between two ranges, mm. Hard media delay nothing.
 fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
     let gained = |at: usize| {
         let segment = &path.segments[at];
@@ -110,8 +111,8 @@ fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
     (0..path.segments.len()).map(gained).sum()
 }
 
-/// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the axial
-/// path. The loss of an uncoupled face falls in the first interval.
+/// Loss of a path from the face to a range, one-way nepers. From its first reflection on, it rises like the axial
+/// path's. The loss of an uncoupled face falls in the first depth interval.
 fn loss_np(path: &Path, axial_path: &Path, range_mm: f64) -> f64 {
     if range_mm == 0.0 {
         return 0.0;
@@ -126,7 +127,7 @@ fn loss_np(path: &Path, axial_path: &Path, range_mm: f64) -> f64 {
     }
 }
 
-/// Loss of a path that has not reflected, one-way nepers.
+/// Loss from the face to a range of a path that has not reflected, one-way nepers.
 pub(super) fn passed_np(path: &Path, range_mm: f64) -> f64 {
     -0.5 * path.segments[segment_at(path, range_mm)].ln_passed(range_mm)
 }

@@ -1,4 +1,5 @@
-//! Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
+//! The aperture's gain along each scanline: amplitude that it receives from scatterers at a depth, relative to a medium
+//! without loss.
 
 use super::aperture::Aperture;
 use super::inputs::Inputs;
@@ -6,25 +7,25 @@ use super::segment::{Path, segment_at};
 use super::transmission::passed_np;
 use crate::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 
-/// Numbers of a scanline at a boundary of the intervals.
+/// Gain and losses of a scanline at a boundary of the depth intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Boundary {
-    /// Position among the planes.
+    /// Fractional index of the depth plane whose gain applies here; −1 is the face.
     pub position: f64,
-    /// Loss of the axial path, one-way nepers.
+    /// Loss of the axial path up to here, one-way nepers.
     pub loss_np: f64,
-    /// ln of the aperture's gain at the plane before, two-way.
+    /// ln of the aperture's two-way gain at the plane before this boundary.
     pub ln_gain: f64,
-    /// Loss that all scanlines share, one-way nepers.
+    /// Loss up to here that all scanlines share, one-way nepers.
     pub shared_np: f64,
 }
 
-/// Gain of a block of samples, at its first one.
+/// The aperture's gain for a block of samples, at its first sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlockGain {
-    /// As amplitude, without the loss that all scanlines share.
+    /// Two-way amplitude gain, without the loss that all scanlines share.
     pub gain: f64,
-    /// Position among the planes.
+    /// Fractional index of the depth plane whose gain applies.
     pub position: f64,
 }
 
@@ -41,7 +42,8 @@ pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundar
     (0..inputs.scanlines).flat_map(of).collect()
 }
 
-/// The gain along every scanline [scanlines × (planes + 1)], from the power of the beams and the losses of the rows.
+/// The gain along every scanline [scanlines × (planes + 1)], from the beams' echo powers and the loss that scanlines
+/// share in each interval (`row_np`).
 pub fn visibility(
     inputs: &Inputs,
     aperture: &Aperture,
@@ -61,7 +63,7 @@ pub fn visibility(
     (0..inputs.scanlines).flat_map(line).collect()
 }
 
-/// Positions and losses of a scanline.
+/// Positions and losses at the boundaries of a scanline; its gains are not filled in.
 fn positions(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundary> {
     let uncoupled_np = passed_np(axial_path, 0.0);
     let ln_gain = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
@@ -98,7 +100,7 @@ fn mean_loss_np(axial_path: &Path, from: f64, to: f64) -> f64 {
     pieces.sum::<f64>() / (to - from)
 }
 
-/// Gain of a scanline at a plane, interpolated between the beams.
+/// ln of the two-way gain of a scanline at a plane, interpolated between the beams.
 fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
     let nodes = aperture.nodes(plane);
     let node = (aperture.line_cells[line] / aperture.node_cells[plane] as f64).clamp(0.0, nodes as f64 - 1.001);
@@ -107,7 +109,7 @@ fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
     (2.0 * (root(node as usize) * (1.0 - part) + root(node as usize + 1) * part).ln()).min(VISIBLE_MAX_NP)
 }
 
-/// The gain along one scanline.
+/// The aperture's gain along one scanline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ApertureGain<'a> {
     aperture: &'a Aperture,
@@ -115,20 +117,21 @@ pub(super) struct ApertureGain<'a> {
 }
 
 impl<'a> ApertureGain<'a> {
-    /// The gain along scanline `line` of all `boundaries`.
+    /// The gain along scanline `line`, from the boundaries of all scanlines.
     pub(super) fn new(aperture: &'a Aperture, boundaries: &'a [Boundary], line: usize) -> Self {
         let count = aperture.planes + 1;
         Self { aperture, row: &boundaries[line * count..][..count] }
     }
 
-    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    /// ln of the two-way amplitude of scatterers at a range, up to which the axial path's loss is `loss_np`, one-way
+    /// nepers.
     pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
         self.gain(self.position(interval, range_mm, lost, self.row[interval].position)) - self.shared(interval, lost)
     }
 
-    /// [`ApertureGain::at`] without the loss that all scanlines share, and its position.
+    /// [`ApertureGain::at`] as amplitude, without the loss that all scanlines share, and its position among the planes.
     fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
@@ -140,38 +143,40 @@ impl<'a> ApertureGain<'a> {
         ((range_mm / self.aperture.plane_mm) as usize).min(self.aperture.planes - 1)
     }
 
-    /// Loss of an interval that all scanlines share, and the scanline's own, one-way nepers.
+    /// Losses within an interval, one-way nepers: the one that all scanlines share, and the scanline's own.
     fn losses(&self, interval: usize) -> (f64, f64) {
         let [a, b] = [self.row[interval], self.row[interval + 1]];
         let row_np = b.shared_np - a.shared_np;
         (row_np, (b.loss_np - a.loss_np - row_np).max(0.0))
     }
 
-    /// Part of an interval's depth before a range.
+    /// Fraction of an interval's depth that lies before a range.
     fn part(&self, interval: usize, range_mm: f64) -> f64 {
         range_mm / self.aperture.plane_mm - interval as f64
     }
 
-    /// Part of an interval's loss that has been lost at a range, where `rise_np` is lost since its start.
+    /// Fraction of an interval's loss that occurs before a range. `rise_np` is the loss from the interval's start to
+    /// the range.
     fn lost(&self, interval: usize, range_mm: f64, rise_np: f64) -> f64 {
         let total_np = self.row[interval + 1].loss_np - self.row[interval].loss_np;
         let lost_np = rise_np + EVEN_NP * self.part(interval, range_mm);
         (lost_np / (total_np.max(0.0) + EVEN_NP)).clamp(0.0, 1.0)
     }
 
-    /// Position among the planes at a range and a part of the interval's loss, from the position `start` on.
+    /// Fractional plane index at a range and at the fraction `lost` of the interval's loss. It is `start` at the
+    /// interval's start.
     fn position(&self, interval: usize, range_mm: f64, lost: f64, start: f64) -> f64 {
         let (_, own_np) = self.losses(interval);
         let done = (own_np * lost + SPREAD_NP * self.part(interval, range_mm)) / (own_np + SPREAD_NP);
         start + done * (self.row[interval + 1].position - start)
     }
 
-    /// Loss that all scanlines share, two-way nepers, at a part of an interval's loss.
+    /// Loss that all scanlines share up to the fraction `lost` of an interval's loss, two-way nepers.
     fn shared(&self, interval: usize, lost: f64) -> f64 {
         2.0 * (self.row[interval].shared_np + self.losses(interval).0 * lost)
     }
 
-    /// Gain at a position among the planes, −1 being the face.
+    /// ln of the two-way gain at a fractional plane index; −1 is the face.
     fn gain(&self, position: f64) -> f64 {
         let at = (position + 1.0).clamp(0.0, self.aperture.planes as f64);
         let low = (at as usize).min(self.aperture.planes - 1);
@@ -179,11 +184,11 @@ impl<'a> ApertureGain<'a> {
         self.row[low].ln_gain * (1.0 - part) + self.row[low + 1].ln_gain * part
     }
 
-    /// ln of the amplitude, two-way, that returns from the interface where segment `arrived` of a path ends: the gain
-    /// before the obstacles which that path has not crossed yet.
+    /// ln of the two-way amplitude factor of the echo at the end of segment `arrived` of a path: the aperture's gain
+    /// before obstacles that the path has not crossed yet.
     pub(super) fn at_interface(&self, path: &Path, arrived: usize) -> f64 {
         let range_mm = path.segments[arrived + 1].start_mm;
-        // The path before its interface.
+        // The path's loss before its interface.
         let loss_np = |range_mm: f64| -0.5 * path.segments[segment_at(path, range_mm).min(arrived)].ln_passed(range_mm);
         let interval = self.interval(range_mm);
         let begins_np = loss_np(interval as f64 * self.aperture.plane_mm);
@@ -197,7 +202,7 @@ impl<'a> ApertureGain<'a> {
         }
         let rise_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np;
         let lost = self.lost(interval, range_mm, rise_np);
-        // The plane of the interval is before what the path has not crossed.
+        // Plane `interval` lies before obstacles that are not crossed yet: only the path's own loss leads beyond it.
         let own_np = (rise_np - self.losses(interval).0 * lost).max(0.0);
         let furthest = (interval as f64 + own_np / (own_np + TRACKED_NP)).max(start);
         self.gain(self.position(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)

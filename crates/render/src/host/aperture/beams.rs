@@ -1,4 +1,5 @@
-//! Beams at each plane: their two-way amplitude at every cell, and their echo power over that without obstacles.
+//! Beams at each depth plane: their two-way amplitude at every cell, and their echo power relative to unobstructed
+//! beams.
 
 use insonify_core::simd::widened_to_eight;
 use rayon::prelude::*;
@@ -8,22 +9,22 @@ use super::propagate::FIELDS;
 use crate::aperture::{ApertureTables, BEAMS_MAX, MODES_MAX};
 use crate::host::constants::ImageConstants;
 
-/// Cells whose amplitudes are written together: a cache line.
+/// Number of cells whose amplitudes are written together: a cache line.
 const TOGETHER: usize = 2 * LANES;
 
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Beams<'a> {
-    /// Two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Planes before the first obstacle
-    /// are not filled.
+    /// Two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Planes before the first
+    /// obstacle are not filled.
     pub(in crate::host) amplitudes: &'a mut [f32],
-    /// Echo power of the beam at each node over the greatest one without obstacles [planes × cells], the first nodes of
-    /// each row.
+    /// Echo power of the beam at each node, or beam axis, over the greatest one without obstacles [planes × cells]. A
+    /// row begins with one value per node; the others are 0.
     pub(in crate::host) powers: &'a mut [f32],
 }
 
-/// Fills the outputs from the fields of `propagate`. Planes before `first` are unobstructed. `work` holds a period of beams,
-/// twice, for each plane.
+/// Fills the outputs from the modes' `fields`, an output of `propagate`. Planes before `first` are unobstructed. `work`
+/// is [planes × 2 × beams].
 pub(in crate::host) fn beams(
     constants: ImageConstants,
     tables: &ApertureTables,
@@ -107,7 +108,7 @@ fn sum_plane_body(
                 }
             }
         }
-        // Written by whole cache lines: rows are a power of two apart and collide in the L1 cache.
+        // Amplitudes are written by whole cache lines: rows are a power of two apart and collide in the L1 cache.
         for (beam, amplitudes) in amplitudes.chunks_exact_mut(cells).enumerate() {
             let powers = &powers[reversed(beam, beams)];
             for (amplitude, &power) in amplitudes[first_cell..].iter_mut().zip(powers) {
@@ -137,7 +138,7 @@ fn sum_plane_body(
 }
 
 /// Sum of squared amplitudes within `reach` of `middle`, a position in cells from the first one. The last cell counts
-/// by its part inside. In lanes, whose order every instruction set keeps.
+/// by the fraction of it inside. Each lane has its own sum, so every instruction set adds in the same order.
 #[inline(always)]
 fn sum_within(amplitudes: &[f32], middle: f32, reach: f32) -> f32 {
     let mut sums = [0.0; LANES];

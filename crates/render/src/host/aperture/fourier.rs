@@ -1,7 +1,8 @@
 //! Fourier transforms of several rows at once, a row a lane.
 //!
-//! Radix-4 steps in place, and a radix-2 step if the length asks for one. Spectra are in bit-reversed order. All steps of one part
-//! of the numbers are done before the next part's: a part stays in the L1 cache.
+//! Radix-4 steps in place, and one radix-2 step if the length is an odd power of two. Spectra are in bit-reversed
+//! order. All steps within one part of the numbers are done before the next part's, so that a part stays in the L1
+//! cache.
 
 /// Rows transformed together.
 pub(in crate::host) const LANES: usize = 8;
@@ -11,7 +12,7 @@ const PART_MAX: usize = 256;
 /// One number of each row.
 pub(in crate::host) type Row = [f32; LANES];
 
-/// Complex numbers, one of each row: real parts, imaginary parts.
+/// A complex number of each row: real parts, imaginary parts.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Wide {
     pub(in crate::host) re: Row,
@@ -88,7 +89,8 @@ impl Roots {
         }
     }
 
-    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k: first within each part, then across parts.
+    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k: first the steps within each part, then
+    /// those across parts.
     #[cfg(test)]
     fn inverse(&self, data: &mut [Wide]) {
         for part in data.chunks_exact_mut(self.part()) {
@@ -97,7 +99,7 @@ impl Roots {
         self.end_inverse(data);
     }
 
-    /// Length of the parts that the steps of [`Self::end_forward`] and [`Self::begin_inverse`] keep apart.
+    /// Length of the parts within which the steps of [`Self::end_forward`] and [`Self::begin_inverse`] stay.
     #[inline(always)]
     pub(in crate::host) fn part(&self) -> usize {
         let mut part = self.roots.len();
@@ -169,7 +171,7 @@ impl Roots {
         }
     }
 
-    /// A radix-4 step of the transform: each block into quarters.
+    /// A radix-4 step of the transform: divides each block of numbers into quarters.
     #[inline(always)]
     fn divide(&self, data: &mut [Wide], block: usize) {
         let stride = self.roots.len() / block;
@@ -188,7 +190,7 @@ impl Roots {
         }
     }
 
-    /// A radix-4 step of the inverse: quarters into each block.
+    /// A radix-4 step of the inverse: combines the quarters of each block.
     #[inline(always)]
     fn combine(&self, data: &mut [Wide], block: usize) {
         let stride = self.roots.len() / block;
@@ -214,7 +216,7 @@ fn conjugate([re, im]: [f32; 2]) -> [f32; 2] {
     [re, -im]
 }
 
-/// Rows and columns of eight rows exchanged.
+/// Transpose of eight rows of eight numbers.
 #[inline(always)]
 pub(in crate::host) fn transposed([a, b, c, d, e, f, g, h]: [Row; LANES]) -> [Row; LANES] {
     let ([a, e], [b, f]) = (exchanged::<4>(a, e), exchanged::<4>(b, f));

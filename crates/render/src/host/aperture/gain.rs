@@ -1,4 +1,4 @@
-//! The aperture's gain at samples and interfaces of a scanline, from the outputs of `visibility`.
+//! The aperture's gain at the samples and interfaces of a scanline, from the outputs of the pass `visibility`.
 
 use insonify_core::simd::{at_least, at_most, floor, real};
 
@@ -13,18 +13,18 @@ use crate::segment::Segment;
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct ApertureGains<'a> {
     pub(in crate::host) tables: &'a ApertureTables,
-    /// [scanlines × (planes + 1)]
+    /// Gain and losses at the boundaries of the depth intervals [scanlines × (planes + 1)].
     pub(in crate::host) lines: &'a [Boundary],
 }
 
 impl<'a> ApertureGains<'a> {
-    /// The gain along one scanline.
+    /// The aperture's gain along one scanline.
     pub(in crate::host) fn line(&self, line: u32) -> ApertureGain<'a> {
         let boundaries = self.tables.planes + 1;
         ApertureGain::new(self.tables, &self.lines[line as usize * boundaries..][..boundaries])
     }
 
-    /// ln of the gain, two-way, at the samples of a block.
+    /// ln of the two-way gain at the samples of a block.
     #[inline(always)]
     pub(in crate::host) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32) -> Lanes {
         let (gain, axial_path) = (self.line(line), params.axial_path_of(line));
@@ -59,16 +59,17 @@ pub(in crate::host) struct ApertureGain<'a> {
     plane_mm: f32,
 }
 
-/// An interval of a scanline.
+/// One depth interval of a scanline.
 #[derive(Debug, Clone, Copy)]
 struct Interval {
-    /// Positions among the planes at its ends.
+    /// Fractional indices of the depth planes whose gains apply at its ends.
     positions: [f32; 2],
-    /// Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
+    /// The scanline's loss up to the interval, its loss within it, and the part of the latter that all scanlines share;
+    /// one-way nepers.
     begins_np: f32,
     total_np: f32,
     row_np: f32,
-    /// Loss that all scanlines share, at its start.
+    /// Loss up to the interval that all scanlines share, one-way nepers.
     shared_np: f32,
 }
 
@@ -87,7 +88,7 @@ impl Interval {
         at_most(at_least(lost_np / (at_least(self.total_np, 0.0) + EVEN_NP), 0.0), 1.0)
     }
 
-    /// Position among the planes at a part of its depth and of its loss.
+    /// Fractional plane index at the fraction `part` of the interval's depth and `lost` of its loss.
     #[inline(always)]
     fn position(&self, part: f32, lost: f32) -> f32 {
         let own_np = self.own_np();
@@ -114,7 +115,7 @@ impl<'a> ApertureGain<'a> {
         }
     }
 
-    /// Index of the interval that holds a range, and the part of it before the range.
+    /// Index of the interval that holds a range, and the fraction of its depth before the range.
     #[inline(always)]
     fn index(&self, range_mm: f32) -> (usize, f32) {
         let position = range_mm / self.plane_mm;
@@ -122,21 +123,22 @@ impl<'a> ApertureGain<'a> {
         (interval, position - interval as f32)
     }
 
-    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    /// ln of the two-way amplitude of scatterers at a range, up to which the axial path's loss is `loss_np`, one-way
+    /// nepers.
     #[inline(always)]
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
         let (interval, lost, position) = self.tracked(range_mm, loss_np);
         self.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// [`ApertureGain::at`] without the loss that all scanlines share, and the position among the planes.
+    /// [`ApertureGain::at`] without the loss that all scanlines share, and the position: a fractional plane index.
     #[inline(always)]
     pub(in crate::host) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
         let (_, _, position) = self.tracked(range_mm, loss_np);
         [self.gain(position), position]
     }
 
-    /// The interval of a range, the part of its loss before the range, and the position among the planes.
+    /// The interval that holds a range, the fraction of its loss before the range, and the fractional plane index.
     #[inline(always)]
     fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
         let (index, part) = self.index(range_mm);
@@ -145,8 +147,8 @@ impl<'a> ApertureGain<'a> {
         (interval, lost, interval.position(part, lost))
     }
 
-    /// [`ApertureGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the
-    /// segments.
+    /// [`ApertureGain::at`] for all samples of a block within one interval. `falls` and `passed` are `fall_np_mm` and
+    /// `ln_passed_at_zero` of each sample's segment.
     #[inline(always)]
     fn whole_block(&self, params: &Params, first: u32, index: usize, [falls, passed]: [&Lanes; 2]) -> Lanes {
         let interval = self.interval(index);
@@ -159,7 +161,7 @@ impl<'a> ApertureGain<'a> {
             positions[i] = interval.position(part, lost) + 1.0;
             ln_gain[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
         }
-        // Positions of one interval lie within three planes.
+        // Positions in one interval span at most three plane distances.
         let low = floor(at_least(interval.positions[0] + 1.0, 0.0)) as usize;
         let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)].ln_gain;
         let (start, steps) = (node(0), [node(1) - node(0), node(2) - node(1), node(3) - node(2)]);
@@ -171,7 +173,7 @@ impl<'a> ApertureGain<'a> {
         ln_gain
     }
 
-    /// Gain at a position among the planes, −1 being the face.
+    /// ln of the two-way gain at a fractional plane index; −1 is the face.
     #[inline(always)]
     fn gain(&self, position: f32) -> f32 {
         let at = at_most(at_least(position + 1.0, 0.0), (self.row.len() - 1) as f32);
@@ -181,18 +183,18 @@ impl<'a> ApertureGain<'a> {
     }
 }
 
-/// Gains at the interfaces of a path, from the first to the last.
+/// The aperture's gains at the interfaces of a path, from the first to the last.
 #[derive(Debug)]
 pub(in crate::host) struct InterfaceGains<'a> {
     gain: ApertureGain<'a>,
     starts: &'a [f32],
     segments: &'a [Segment],
-    /// Interval of the last interface, with the path's own position at its start; its index; the path's loss at its
-    /// start.
+    /// Interval of the last interface, with the path's own position at its start; its index; the path's loss up to it,
+    /// one-way nepers.
     interval: Interval,
     index: usize,
     begins_np: f32,
-    /// Segments that hold the start of that interval and of the one before.
+    /// Indices of the segments that hold the start of that interval and of the one before.
     holds: [usize; 2],
 }
 
@@ -203,8 +205,9 @@ impl<'a> InterfaceGains<'a> {
         Self { gain, starts, segments, interval: gain.interval(0), index: usize::MAX, begins_np: 0.0, holds: [0; 2] }
     }
 
-    /// ln of the amplitude, two-way, that returns from an interface: the aperture's gain before the obstacles which the
-    /// path has not crossed yet. The interface begins segment `arrived` + 1, and is not before that of the last call.
+    /// ln of the two-way amplitude factor of an interface's echo: the aperture's gain before obstacles that the path
+    /// has not crossed yet. The interface begins segment `arrived` + 1. Calls follow the path: `arrived` never
+    /// decreases.
     #[inline(always)]
     pub(in crate::host) fn at(&mut self, arrived: usize) -> f32 {
         let range_mm = self.starts[arrived + 1];
@@ -213,14 +216,14 @@ impl<'a> InterfaceGains<'a> {
         let (interval, begins_np) = (self.interval, self.begins_np);
         let rise_np = self.segments[arrived].loss_np(range_mm) - begins_np;
         let lost = interval.lost(part, rise_np + interval.begins_np);
-        // The plane of the interval is before what the path has not crossed.
+        // Plane `index` lies before obstacles that are not crossed yet: only the path's own loss leads beyond it.
         let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
         let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.positions[0]);
         let position = at_most(interval.position(part, lost), furthest);
         self.gain.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// Makes `index` the interval, for a path that has come to segment `arrived`.
+    /// Makes `index` the current interval, for a path that has come to segment `arrived`.
     #[inline(always)]
     fn enter(&mut self, index: usize, arrived: usize) {
         let boundary_mm = |interval: usize| interval as f32 * self.gain.plane_mm;
@@ -232,7 +235,8 @@ impl<'a> InterfaceGains<'a> {
         self.begins_np = loss_of(index, holds);
         self.interval = self.gain.interval(index);
         if let Some(before) = index.checked_sub(1) {
-            // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
+            // Distance by which the position lags behind the depth, rescaled from the scanline's own loss in the
+            // interval before to the path's.
             let last = self.gain.interval(before);
             let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
             let lag = (index as f32 - self.interval.positions[0]) / lags(last.own_np());
@@ -244,7 +248,7 @@ impl<'a> InterfaceGains<'a> {
         (self.index, self.holds[0]) = (index, holds);
     }
 
-    /// The last segment from `from` to `arrived` that begins by a range.
+    /// Index of the last segment from `from` to `arrived` that begins at or before a range.
     #[inline(always)]
     fn holding(&self, mut from: usize, arrived: usize, range_mm: f32) -> usize {
         while from < arrived && self.starts[from + 1] <= range_mm {

@@ -1,8 +1,9 @@
 //! The aperture's gain along each scanline, and its beams, which diffract past obstacles.
 //!
-//! From the loss along all paths, `transmission.rs` makes a mask of the scan plane. `propagate.rs` sends waves through it,
-//! `beams.rs` adds them to beams. From the beams, `profiles.rs` makes the weights that `lateral` uses, and `visibility.rs`
-//! the gain. `gain.rs` looks up the gain for the passes that follow. `fourier.rs` holds the transform.
+//! From the loss and the speed along all paths, `transmission.rs` makes a mask of the scan plane. `propagate.rs` sends
+//! waves through it, `beams.rs` sums them to beams. From the beams, `profiles.rs` makes the weights that `lateral`
+//! uses, and `visibility.rs` the gain. `gain.rs` looks up the gain for the passes that follow. `fourier.rs` holds the
+//! transform.
 
 pub(super) mod beams;
 pub(super) mod fourier;

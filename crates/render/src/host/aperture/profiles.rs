@@ -1,7 +1,7 @@
-//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions.
+//! Weights of a scanline's neighbours at each depth plane, from the amplitude of its beam at their positions.
 //!
-//! Where nothing bends or hides a beam, it has the kernel of its depth. Elsewhere the beam's own amplitude takes over, so
-//! a scanline shows what its beam reaches, wherever that lies and however wide it is.
+//! A beam that nothing bends or hides keeps the lateral kernel of its depth. Otherwise the beam's own amplitude makes
+//! the weights, so that a scanline shows what its beam reaches.
 
 use insonify_core::simd::{at_least, at_most, floor, widened_to_eight};
 use rayon::prelude::*;
@@ -11,31 +11,32 @@ use crate::constants::{LATERAL_HALF_MAX, PROFILE_CUT, UNLIKE};
 use crate::kernels::Kernels;
 use crate::params::Params;
 
-/// Most weights of a scanline at a plane.
+/// Most weights of a scanline's neighbours at a plane.
 pub(in crate::host) const TAPS_MAX: usize = 2 * LATERAL_HALF_MAX as usize + 1;
-/// Cells outside the offsets of a profile that interpolation reads.
+/// Number of cells beyond a profile's ends that interpolation reads.
 const OUTSIDE_CELLS: usize = 2;
-/// Position of the axis in a profile of both sides.
+/// Index of the axis in a two-sided profile.
 const MIDDLE: usize = OFFSETS_MAX + OUTSIDE_CELLS;
-/// Length of a profile of both sides.
+/// Length of a two-sided profile.
 const AROUND: usize = 2 * MIDDLE + 1;
-/// Sums that are kept apart, so that every instruction set adds in the same order.
+/// Number of partial sums, so that every instruction set adds in the same order.
 const SUMS: usize = 8;
 
-/// Blend of one scanline at one plane: part of the depth's kernel, and the first and the end of the other weights.
+/// Blend of one scanline at one plane: factor of the depth's kernel, then the first tap and the end of the extra
+/// weights. Without extra weights both are 0.
 pub(in crate::host) type Blend = [f32; 3];
 
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Profiles<'a> {
-    /// Weights in addition to that part of the kernel [planes × scanlines × (2·lateral_half + 1)]: zeros beyond a
-    /// blend's ends, undefined if it has none.
+    /// Extra weights, added to the kernel times the blend's factor [planes × scanlines × (2·lateral_half + 1)]. They
+    /// are zero outside of the blend's taps, and undefined if it has none.
     pub(in crate::host) weights: &'a mut [f32],
     /// [planes × scanlines]
     pub(in crate::host) blends: &'a mut [Blend],
 }
 
-/// Fills the outputs. Planes before `first` take their kernels; `amplitudes` are those of `beams`.
+/// Fills the outputs from the beams' `amplitudes`, an output of `beams`. Planes before `first` keep their kernels.
 pub(in crate::host) fn profiles(
     params: &Params,
     tables: &ApertureTables,
@@ -76,15 +77,15 @@ fn weigh_plane_body(beams: &PlaneBeams<'_>, kernel_power: f32, weights: &mut [f3
     }
 }
 
-/// Positions of a scanline's neighbours in a profile, the same for all scanlines.
+/// Positions of a scanline's neighbours in a beam profile, the same for all scanlines.
 struct Positions {
-    /// Neighbours to either side.
+    /// Number of neighbours to either side.
     half: usize,
-    /// First of the four values about each position in a profile of both sides.
+    /// Index, in a two-sided profile, of the first of the four values around each position.
     starts: [u16; TAPS_MAX],
-    /// Their weights by the Catmull-Rom spline.
+    /// Weights of the four values by the Catmull-Rom spline.
     splines: [[f32; 4]; TAPS_MAX],
-    /// Distance of neighbouring scanlines, in cells.
+    /// Distance between neighbouring scanlines, in cells.
     spacing: f32,
 }
 
@@ -103,31 +104,31 @@ impl Positions {
         positions
     }
 
-    /// Neighbours to either side within a distance in cells.
+    /// Number of neighbours to either side within a distance in cells.
     fn within(&self, reach: f32) -> usize {
         (floor(reach / at_least(self.spacing, 1.0e-6)).max(0) as usize).min(self.half)
     }
 }
 
-/// Beams at one plane.
+/// Beams at one depth plane.
 struct PlaneBeams<'a> {
     tables: &'a ApertureTables,
     positions: &'a Positions,
     plane: usize,
-    /// [beams × cells]
+    /// Two-way amplitude of each beam of a period at each cell [beams × cells].
     amplitudes: &'a [f32],
 }
 
-/// Weights of a beam without obstacles, and their power.
+/// Weights of a beam without obstacles, and the sum of their squares.
 struct Plain {
     weights: [f32; TAPS_MAX],
     power: f32,
-    /// Power of the depth's kernel.
+    /// Sum of squares of the depth's kernel.
     kernel_power: f32,
 }
 
 impl PlaneBeams<'_> {
-    /// The unobstructed beam in the middle of the array.
+    /// Weights of the unobstructed beam in the middle of the array. `around` is working memory.
     #[inline(always)]
     fn unobstructed(&self, kernel_power: f32, around: &mut [f32; AROUND]) -> Plain {
         let offsets = self.tables.sampling.offsets();
@@ -140,8 +141,8 @@ impl PlaneBeams<'_> {
         Plain { power: Similarity::of(&weights, &weights).power, weights, kernel_power }
     }
 
-    /// Resamples a beam profile, given at each cell about its axis, at the neighbouring scanlines. Weights beyond its reach
-    /// are 0.
+    /// Resamples a two-sided beam profile, given at each cell around its axis, at the neighbouring scanlines. Weights
+    /// beyond the beam's reach are 0.
     #[inline(always)]
     fn interpolate(&self, around: &[f32; AROUND], weights: &mut [f32]) {
         let Positions { half, starts, splines, .. } = self.positions;
@@ -157,7 +158,7 @@ impl PlaneBeams<'_> {
         }
     }
 
-    /// Fills in the weights of a scanline.
+    /// Fills in the extra weights of a scanline, and returns its blend.
     #[inline(always)]
     fn weigh(&self, line: usize, plain: &Plain, around: &mut [f32; AROUND], weights: &mut [f32]) -> Blend {
         let Self { tables, plane, amplitudes, .. } = *self;
@@ -208,9 +209,9 @@ impl PlaneBeams<'_> {
 
 /// Comparison of weights with others.
 struct Similarity {
-    /// Sum of their squares.
+    /// Sum of the weights' squares.
     power: f32,
-    /// Sum of the products.
+    /// Sum of the products of both weights.
     shared: f32,
     greatest: f32,
 }
@@ -242,7 +243,7 @@ impl Similarity {
     }
 }
 
-/// Weights of four values for the Catmull-Rom spline between the second and the third.
+/// Weights of four values for the Catmull-Rom spline, at the fraction `part` of the way from the second to the third.
 fn catmull_rom(part: f32) -> [f32; 4] {
     let (square, cube) = (part * part, part * part * part);
     [

@@ -1,4 +1,5 @@
-//! Propagation of the modes from plane to plane through the transmission and the delays of the scan plane.
+//! Propagation of the modes (waves along the face) from plane to plane through the transmission and the delays of the
+//! scan plane.
 
 use insonify_core::simd::{phasor, widened_to_eight};
 use rayon::iter::once;
@@ -10,14 +11,14 @@ use crate::host::constants::ImageConstants;
 
 const _: () = assert!(LANES == MODE_LANES);
 
-/// Numbers of a tile of fields: eight modes at eight cells.
+/// Numbers in a tile of complex fields: eight modes at eight cells.
 pub(in crate::host) const FIELDS: usize = 2 * LANES * LANES;
 
-/// Orders of a spectrum, made once for a configuration.
+/// Tables in the bit-reversed order of spectra, made once for a configuration.
 #[derive(Debug, Clone)]
 pub(in crate::host) struct Propagation {
     roots: Roots,
-    /// Steps of the tables in the order of spectra [planes × cells].
+    /// The aperture tables' `steps` in that order [planes × cells].
     steps: Vec<[f32; 2]>,
 }
 
@@ -35,17 +36,19 @@ impl Propagation {
     }
 }
 
-/// The first plane with an obstacle or an uneven delay in its interval; `planes` if there is none. Beams up to it are
-/// unobstructed.
+/// Index of the first plane with an obstacle or an uneven delay in its interval; the number of planes if there is none.
+/// Beams up to that plane are unobstructed.
 pub(in crate::host) fn first_plane(constants: ImageConstants, tables: &ApertureTables, mask: &[[f32; 2]]) -> usize {
     let whole = 1.0 - constants.contrast_min();
     let differs = |row: &[[f32; 2]]| row.iter().any(|&[re, im]| re < whole || im.abs() > constants.phase_min());
     mask.chunks_exact(tables.sampling.cells).position(differs).unwrap_or(tables.planes)
 }
 
-/// Fills `fields` from plane `first_plane` on: the field of each mode at each cell, before the interval of the plane
-/// [groups of 8 modes × planes × tiles of 8 cells × modes × (real parts, imaginary parts) × cells]. `work` holds as many numbers
-/// as the groups of modes have cells.
+/// Fills `fields` from plane `first_plane` on: the field of each mode at each cell, before the plane's interval
+/// transmits and delays it.
+///
+/// `fields` is [groups of 8 modes × planes × tiles of 8 cells × modes × (real parts, imaginary parts) × cells], `work`
+/// is [groups of modes × cells].
 pub(in crate::host) fn propagate(
     tables: &ApertureTables,
     propagation: &Propagation,
@@ -59,7 +62,7 @@ pub(in crate::host) fn propagate(
     }
     let (cells, of_group) = (tables.sampling.cells, LANES * tables.planes * 2 * tables.sampling.cells);
     let groups = tables.modes.len() / LANES;
-    // The first groups go on to the last plane, others may not: a task has one of each.
+    // The first groups of modes go on to the last plane, others may not: a task has one of each.
     let (fields, last_fields) = fields.split_at_mut(groups.div_ceil(2) * of_group);
     let (work, last_work) = work.split_at_mut(groups.div_ceil(2) * cells);
     let first = fields.par_chunks_exact_mut(of_group).zip(work.par_chunks_exact_mut(cells)).enumerate();
@@ -101,7 +104,7 @@ fn propagate_group_body(
         }
         let steps = propagation.steps[plane * cells..][..cells].chunks_exact(part);
         for (values, steps) in work.chunks_exact_mut(part).zip(steps) {
-            // The planes before `first` leave whole spectra.
+            // Planes before `first` skip the inverse transform: their spectra stay whole.
             if plane == 0 || plane > first {
                 roots.end_forward(values);
             }
@@ -111,7 +114,8 @@ fn propagate_group_body(
             if plane >= first {
                 roots.begin_inverse(values);
             } else {
-                // Steps hold the inverse transform's 1/cells, which only one of them may have.
+                // Each step includes the inverse transform's factor 1/cells. Without that transform, the factor is
+                // taken out again.
                 let scale = [cells as f32, 0.0];
                 for value in values.iter_mut() {
                     *value = value.times(scale);
@@ -134,7 +138,7 @@ fn propagate_group_body(
     }
 }
 
-/// Writes the modes of a group on the face.
+/// Writes the fields of a group's modes on the face.
 #[inline(always)]
 fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     let modes = &tables.modes[group * LANES..][..LANES];
@@ -151,7 +155,7 @@ fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     }
 }
 
-/// Writes the fields of eight cells, by mode.
+/// Writes the fields of a group's modes at eight cells, by mode.
 #[inline(always)]
 fn store(tile: &[Wide; LANES], fields: &mut [f32; FIELDS]) {
     let (mut re, mut im) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);

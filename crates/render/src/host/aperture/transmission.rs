@@ -1,5 +1,5 @@
-//! Transmission of the scan plane: what each cell of each interval lets pass, and by how much it delays it, from the loss
-//! and the speed along the paths.
+//! Transmission of the scan plane: the amplitude that each cell passes in each depth interval, and its delay, from the
+//! loss and the speed along the paths.
 
 use insonify_core::simd::{at_least, at_most, exp, phasor, widened};
 use rayon::prelude::*;
@@ -12,21 +12,21 @@ use crate::host::trace::interface::ln;
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// A number for each boundary of the intervals of a path.
+/// One number per boundary of a path's depth intervals.
 pub(in crate::host) type Boundaries = [f32; PLANES_MAX + 1];
 
-/// Means over the layers: fourth power of a cell's transmission, and its delay as mm at the assumed speed.
+/// Means over the layers: fourth power of the amplitude that a cell passes, and its delay as mm at the assumed speed.
 pub(in crate::host) type CellMeans = [f32; 2];
 
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Transmission<'a> {
-    /// [cells × planes]
+    /// Means, summed up over the batches [cells × planes].
     pub(in crate::host) means: &'a mut [CellMeans],
-    /// Transmission of a cell over the greatest of its row, with the phase of its delay against the middle cell
-    /// [planes × cells].
+    /// Amplitude that each cell passes over the greatest of its row, with the phase of its delay relative to the middle
+    /// cell [planes × cells].
     pub(in crate::host) mask: &'a mut [[f32; 2]],
-    /// Loss of that greatest one, one-way nepers [planes].
+    /// Loss of each row's best cell, one-way nepers `[planes]`.
     pub(in crate::host) row_np: &'a mut [f32],
 }
 
@@ -36,7 +36,7 @@ pub(in crate::host) struct Inputs<'a> {
     pub(in crate::host) constants: ImageConstants,
     pub(in crate::host) tables: &'a ApertureTables,
     pub(in crate::host) paths: Paths<'a>,
-    /// Elevational offset, slope and stretch of each path of a scanline [layers × rays]; none without refraction.
+    /// Elevational offset, slope and stretch of each path of a scanline [layers × rays]; `None` without refraction.
     pub(in crate::host) elevations: Option<&'a [[f32; 4]]>,
 }
 
@@ -69,8 +69,8 @@ pub(in crate::host) fn transmission(params: &Params, inputs: Inputs<'_>, into: T
     });
 }
 
-/// Adds a batch's part of the means over the layers for each interval of a cell: of the transmission to the fourth power,
-/// since powers of layers add on both ways, and of the delay.
+/// Adds the layers of a batch to the means of each interval of a cell. Amplitudes enter to the fourth power, since
+/// two-way powers add over layers.
 fn add_column(params: &Params, inputs: Inputs<'_>, rays: CellRays, column: &mut [CellMeans]) {
     let Inputs { constants, tables, paths, elevations } = inputs;
     if params.layer_first == 0 {
@@ -104,7 +104,7 @@ fn add_column(params: &Params, inputs: Inputs<'_>, rays: CellRays, column: &mut 
     }
 }
 
-/// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes past.
+/// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes around.
 #[inline(always)]
 fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
     let [x, y, z] = segment.step;
@@ -114,7 +114,7 @@ fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
 }
 
 impl Paths<'_> {
-    /// Range of a path less its depth at the boundaries of the intervals, mm; from its first reflection on, it rises as
+    /// Range minus depth of a path at the boundaries of the intervals, mm. From its first reflection on, it rises like
     /// that of its scanline's axial path.
     fn delays(
         &self,
@@ -159,8 +159,8 @@ impl Paths<'_> {
         }
     }
 
-    /// Losses of a path at the boundaries of the intervals, one-way nepers; from its first reflection on, they rise as
-    /// those of its scanline's axial path. What the face does not couple is lost in the first interval.
+    /// Losses of a path up to the boundaries of the intervals, one-way nepers. From its first reflection on, they rise
+    /// like those of its scanline's axial path. What the face does not couple is lost in the first interval.
     fn losses(&self, params: &Params, tables: &ApertureTables, layer: u32, line_ray: u32, losses: &mut Boundaries) {
         let (starts, segments) = self.of((layer * params.scanlines * params.rays + line_ray) as usize);
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
@@ -192,7 +192,7 @@ impl Paths<'_> {
 }
 
 widened! {
-    /// Adds the transmission of each interval of a path.
+    /// Adds the amplitude that each interval of a path passes, times `weight`.
     fn add_transmissions(
         constants: ImageConstants, weight: f32, losses: &Boundaries, sums: &mut Boundaries,
     ) = add_transmissions_body

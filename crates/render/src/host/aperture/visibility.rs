@@ -1,7 +1,9 @@
-//! Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
+//! The aperture's gain along each scanline: amplitude that it receives from scatterers at a depth, relative to a medium
+//! without loss.
 //!
-//! The position of a scanline among the planes follows its own loss: before an obstacle it stays at the plane before
-//! it, behind the obstacle at the plane behind, wherever in an interval the obstacle lies.
+//! A scanline's position is the fractional index of the depth plane whose gain applies. It follows the scanline's own
+//! loss: before an obstacle it stays at the plane before it, behind the obstacle at the plane behind, wherever in an
+//! interval the obstacle lies.
 
 use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;
@@ -16,15 +18,15 @@ use crate::host::trace::interface::ln;
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// Gain of a block of samples as amplitude, and its position among the planes.
+/// Two-way amplitude gain of a block of samples, without the loss that all scanlines share, and the block's position.
 pub(in crate::host) type BlockGain = [f32; 2];
 
 /// Gains along the scanlines, by boundary and by block.
 #[derive(Debug)]
 pub(in crate::host) struct Gains<'a> {
-    /// [scanlines × (planes + 1)]
+    /// Gain and losses at the boundaries of the depth intervals [scanlines × (planes + 1)].
     pub(in crate::host) lines: &'a mut [Boundary],
-    /// [scanlines × blocks]
+    /// Gain and position of each block of samples [scanlines × blocks].
     pub(in crate::host) blocks: &'a mut [BlockGain],
 }
 
@@ -34,9 +36,9 @@ pub(in crate::host) struct Inputs<'a> {
     pub(in crate::host) constants: ImageConstants,
     pub(in crate::host) tables: &'a ApertureTables,
     pub(in crate::host) paths: Paths<'a>,
-    /// Power of the beams [planes × cells].
+    /// Echo power of the beams [planes × cells].
     pub(in crate::host) powers: &'a [f32],
-    /// Loss that the scanlines share in each interval, one-way nepers.
+    /// Loss that the scanlines share in each depth interval, one-way nepers.
     pub(in crate::host) row_np: &'a [f32],
 }
 
@@ -60,7 +62,7 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
     let axial_path = paths.of(params.axial_path_of(line as u32) as usize);
     positions(tables, axial_path, row_np, row);
     gains(constants, tables, line, powers, row);
-    // At the first sample of each block: a face within it counts as not yet crossed.
+    // At the first sample of each block: a surface within the block counts as not yet crossed.
     let along = ApertureGain::new(tables, row);
     let (starts, segments) = axial_path;
     let mut at = 0;
@@ -76,11 +78,11 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
     }
 }
 
-/// Fills in positions and losses.
+/// Fills in the positions and losses of `row`, a scanline's boundaries.
 #[inline(always)]
 fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), row_np: &[f32], row: &mut [Boundary]) {
     let plane_mm = tables.plane_mm;
-    // Position within the interval of the last loss, 0..=1.
+    // Position of the last loss within its interval, 0..=1.
     let mut last = 0.5;
     let (mut at, mut shared_np) = (0, 0.0);
     let uncoupled_np = segments[0].loss_np(0.0);
@@ -89,7 +91,7 @@ fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), 
     for (interval, &row_np) in row_np.iter().enumerate() {
         let (from, to) = (interval as f32 * plane_mm, (interval + 1) as f32 * plane_mm);
         let begins_np = row[interval].loss_np;
-        // Trapezoids of the pieces of the interval.
+        // Integral of the loss over the interval, by trapezoids over the path's segments.
         let (mut low, mut area) = (from, 0.0);
         loop {
             while starts[at + 1] <= low {
@@ -118,7 +120,7 @@ fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), 
     }
 }
 
-/// Fills in the gains, interpolated between the beams.
+/// Fills in the gains of `row`, a scanline's boundaries, interpolated between the beams.
 #[inline(always)]
 fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers: &[f32], row: &mut [Boundary]) {
     for (plane, boundary) in row[1..].iter_mut().enumerate() {

@@ -7,7 +7,7 @@ use crate::constants::{AXIAL_HALF_MAX, PULSE_PAD, ROW_ALIGN};
 use crate::host::constants::ImageConstants;
 use crate::params::Params;
 
-/// Complex samples per block.
+/// Complex samples per block, which are convolved together.
 const BLOCK: usize = ROW_ALIGN as usize;
 /// Most numbers in a block's convolution window.
 const WINDOW_MAX: usize = 2 * (BLOCK + 2 * AXIAL_HALF_MAX as usize);
@@ -28,7 +28,7 @@ impl DepthGain {
     }
 }
 
-/// Gain of the TGC sliders at a depth, dB: linear interpolation.
+/// Gain of the TGC sliders at a depth, dB, interpolated linearly between the sliders' depths.
 fn slider_db(params: &Params, depth_mm: f32) -> f32 {
     let position = (7.0 * depth_mm / params.depth_mm).clamp(0.0, 7.0);
     let below = (position as usize).min(6);
@@ -39,8 +39,8 @@ fn slider_db(params: &Params, depth_mm: f32) -> f32 {
 /// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD
 /// zeros) and turns its power into grey levels.
 ///
-/// `polar` [scanlines × row_samples] takes one word per sample: the grey levels 0..=65535 of it and of its successor.
-/// `lines`, unless empty, takes the pulse-shaped baseband.
+/// `polar` [scanlines × row_samples] takes one word per sample: the sample's grey level 0..=65535, and its successor's
+/// in the upper half. `lines`, unless empty, takes the pulse-shaped baseband.
 pub(crate) fn detect(
     params: &Params,
     constants: ImageConstants,

@@ -12,43 +12,48 @@ use crate::params::Params;
 
 /// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
-/// Sums of powers that are kept apart.
+/// Partial sums of a sum of squares, so that every instruction set adds in the same order.
 const SUMS: usize = 8;
 /// Least consecutive scanlines per task: they read the same rows.
 const LINES_TOGETHER: usize = 8;
-/// Weights of a plane that are loaded ahead.
+/// Number of weights of the next plane that are prefetched.
 const PREFETCHED: usize = 64;
-/// Weights in addition to the kernel, for a plane that has none.
+/// Extra weights of a plane that has none.
 static WITHOUT: [f32; TAPS_MAX] = [0.0; TAPS_MAX];
 
-/// Beam of every scanline.
+/// Inputs that make the lateral beam of every scanline.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct LateralBeam<'a> {
     pub(in crate::host) constants: ImageConstants,
     /// Kernels of each block of samples.
     pub(in crate::host) kernels: &'a Kernels,
-    /// Gain and position of each block [scanlines × blocks]; empty without the aperture.
+    /// The aperture's gain, and the position among the depth planes, of each block [scanlines × blocks]; empty without
+    /// the aperture.
     pub(in crate::host) gains: &'a [BlockGain],
-    /// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks].
+    /// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain [scanlines × blocks].
     pub(in crate::host) reflected: &'a [f32],
-    /// Outputs of `profiles`; empty without the aperture.
+    /// Extra weights [planes × scanlines × (2·lateral_half + 1)] from the pass `profiles`; empty without the aperture,
+    /// as `blends`.
     pub(in crate::host) weights: &'a [f32],
     pub(in crate::host) blends: &'a [Blend],
 }
 
-/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
-/// profile of its scanline's beam. Kernels of a phased array are wider off its normal. Weights below `least_weight`
-/// count as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a
-/// steered frame is across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]: each sample becomes a weighted sum over
+/// neighbouring scanlines. The weights are the kernel of the block of samples, or the profile of the scanline's beam.
+/// Kernels of a phased array are wider off its normal. Weights below `least_weight` count as 0.
 ///
-/// Beyond the array, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle later: so
-/// powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.
+/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered frame is
+/// perpendicular to its scanlines: a neighbour's samples are taken deeper or higher, by `params.steer_shift_mm` per
+/// scanline.
 ///
-/// Echoes that came by reflections don't carry the gain. Where both scanlines hold some, the weaker one's amplitude is the
-/// least that is compared.
+/// Beyond the array's ends, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle
+/// later. So powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.
 ///
-/// `amplitudes` [blocks × 2 × scanlines] receives each scanline's factor of its echoes, the aperture's gain or its
-/// reflections, then the reflections alone.
+/// Echoes of reflected paths don't carry the gain. Where both scanlines hold some, the own gain counts as at least the
+/// weaker scanline's amplitude by reflections.
+///
+/// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes. The first is the aperture's
+/// gain, or the amplitude by reflections if that is greater; the second is the latter alone.
 pub(in crate::host) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
@@ -74,17 +79,17 @@ pub(in crate::host) fn lateral(
     });
 }
 
-/// Weights of one block of a scanline, from tap `first` to before tap `end`.
+/// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
 struct Weights {
     taps: [f32; TAPS_MAX],
     first: usize,
     end: usize,
-    /// Level of speckle over that of the depth's kernel.
+    /// Level of speckle with these weights, over that with the depth's kernel.
     level: f32,
 }
 
 impl LateralBeam<'_> {
-    /// Fills in the weights of a block.
+    /// Fills in the weights of a block, whose `position` is a fractional index of the depth planes.
     #[inline(always)]
     fn weigh(&self, params: &Params, line: usize, block: usize, position: f32, weights: &mut Weights) {
         let taps = 2 * params.lateral_half as usize + 1;
@@ -105,7 +110,7 @@ impl LateralBeam<'_> {
         let (mut first, mut end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
-        // Before the first plane, its profile.
+        // Before the first plane, the first plane's profile applies.
         let position = at_most(at_least(position, 0.0), planes.saturating_sub(1) as f32);
         let low = (position as usize).min(planes.saturating_sub(2));
         let part = position - low as f32;
@@ -144,7 +149,8 @@ impl LateralBeam<'_> {
     }
 }
 
-/// Fills the `reach` taps to either side of the middle with a kernel as wide as a `projection` of the aperture makes it.
+/// Fills the `reach` taps to either side of the middle with the kernel, stretched by 1/`projection`: the aperture's
+/// projected width makes a wider beam.
 #[inline(always)]
 fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
     let half = kernel.len() / 2;
@@ -261,7 +267,8 @@ fn focus_row_body(
     }
 }
 
-/// Mirror image of a position beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+/// Index of the scanline whose mirror image is at `at` − `half`, beyond the array's ends. No kernel is wider than the
+/// array.
 #[inline(always)]
 fn mirrored(at: usize, half: usize, lines: usize) -> usize {
     if at < half { half - at - 1 } else { 2 * lines - 1 - (at - half) }
@@ -287,8 +294,8 @@ fn sum_of_squares(values: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// Adds a block of a neighbour, `samples` before its own position, by both parts of a weight. Beyond the row there is
-/// nothing.
+/// Adds a neighbour's block, taken `samples` earlier in its row, times a complex weight. Samples outside of the row
+/// count as 0.
 #[inline(always)]
 fn add_shifted(
     source: &[f32],

@@ -1,7 +1,7 @@
 //! From the scanlines' baseband to pixels, and the maps of tissue and attenuation.
 //!
-//! `lateral.rs`, `receive.rs` and `detect.rs` make grey levels along scanlines. `section.rs` and `percentile.rs` make the
-//! maps. `scan_convert.rs` makes pixels of both.
+//! `lateral.rs`, `receive.rs` and `detect.rs` make grey levels along scanlines. `section.rs` and `percentile.rs` make
+//! the maps. `scan_convert.rs` turns both into pixels.
 
 pub(super) mod detect;
 pub(super) mod lateral;

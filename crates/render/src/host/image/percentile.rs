@@ -7,8 +7,8 @@ use crate::params::Params;
 /// Number of partial sums.
 const LANES: usize = 8;
 
-/// The Σμ (nepers) below which 2 % of the sector's area lies, from the runs of the map rays [map_rays × ENTRIES] and
-/// their counts. Bisection on Σμ by the area in front of it, since Σμ never falls along a ray.
+/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies, from the runs of the map
+/// rays [map_rays × ENTRIES] and their counts. Found by bisection on Σμ, which never falls along a ray.
 pub(crate) fn percentile(
     params: &Params,
     constants: ImageConstants,
@@ -33,12 +33,12 @@ pub(crate) fn percentile(
     0.5 * (low + high)
 }
 
-/// Area of a ray's strip up to a depth, in units that cancel.
+/// Area of a map ray's strip of the sector up to a depth, in units that cancel.
 fn area(params: &Params, depth_mm: f32) -> f32 {
     if params.face_radius_mm < 0.0 { depth_mm } else { depth_mm * (0.5 * depth_mm + params.face_radius_mm) }
 }
 
-/// Depth on a ray at which Σμ exceeds `limit_np`, at most the image's.
+/// Depth on a map ray at which Σμ exceeds `limit_np`, mm; at most the image's depth.
 fn reach_mm(params: &Params, runs: &[[f32; 4]], limit_np: f32) -> f32 {
     for (i, &[start_mm, sum_np, rate_np_mm, _]) in runs.iter().enumerate() {
         let end_mm = runs.get(i + 1).map_or(params.depth_mm, |next| next[0]);

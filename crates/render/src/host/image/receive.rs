@@ -9,8 +9,9 @@ use crate::host::paths::Paths;
 use crate::host::scatter::speckle::deviate;
 use crate::params::Params;
 
-/// Adds to `focused`, complex [scanlines × row_samples]. `near` holds reverberation and clutter of the samples near the
-/// face [scanlines × near_samples]. `params` are those of the last batch, which `paths` hold.
+/// Adds noise, clutter and reverberation to `focused`, complex [scanlines × row_samples]. `near` holds reverberation
+/// and clutter of the samples near the face, complex [scanlines × near_samples]. `params` and `paths` are those of the
+/// last batch.
 pub(in crate::host) fn receive(
     params: &Params,
     constants: ImageConstants,
@@ -23,7 +24,7 @@ pub(in crate::host) fn receive(
         let near_samples = params.near_samples as usize;
         if near_samples > 0 {
             let near = &near[line * near_samples..][..near_samples];
-            // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
+            // ln of the two-way amplitude that the face passes. Reverberation is the part that stays in the probe.
             let [first, ..] = paths.of(params.axial_path_of(line as u32) as usize).1 else { return };
             let coupled = exp(at_least(first.ln_passed_at_zero, LN_UNCOUPLED));
             let uncoupled = 1.0 - exp(0.5 * at_least(first.ln_passed_at_zero, 2.0 * LN_UNCOUPLED));

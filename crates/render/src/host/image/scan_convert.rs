@@ -9,7 +9,8 @@ use crate::constants::{ACROSS_BITS, OUTSIDE, TILE_ROWS};
 use crate::host::constants::{CONTRAST_MIN_NP_MM, ImageConstants, LN_SILENT};
 use crate::params::Params;
 
-/// Pixels per group: enough that values gathered one by one have left the store buffer before vector loads read them.
+/// Pixels per group. There are enough that values gathered one by one have left the store buffer before vector loads
+/// read them.
 const LANES: usize = 64;
 /// Pixels tested together for a border between tissues.
 const NEAR: usize = 8;
@@ -28,16 +29,17 @@ struct Pair(u64);
 pub(crate) struct Layout {
     /// Packed positions of the words' pixels, tile by tile.
     positions: Vec<[u32; 4]>,
-    /// The first pixel of each word, counted from its band's first; from COUNT_SHIFT up, the number of its pixels in
-    /// the image.
+    /// Index of each word's first pixel, counted from its band's first. The bits from COUNT_SHIFT up hold the number of
+    /// its pixels in the image.
     pixels: Vec<u32>,
-    /// Words of each band of TILE_ROWS image rows.
+    /// Range of words in each band of TILE_ROWS image rows.
     bands: Vec<Range<usize>>,
     width: usize,
 }
 
 impl Layout {
-    /// From the positions of all pixels [height × 4·row_words] and the sector's words of four, tile by tile.
+    /// Layout from the packed positions of all pixels [height × 4·row_words], and the indices of the sector's words of
+    /// four pixels, tile by tile.
     pub(crate) fn new(width: u32, height: u32, pixels: &[u32], sector_words: &[u32]) -> Self {
         let row_words = width.div_ceil(4);
         let mut layout = Self { width: width as usize, ..Self::default() };
@@ -59,7 +61,7 @@ impl Layout {
 /// Source data of the maps.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maps<'a> {
-    /// Words of the section [map_rays × map_depths].
+    /// Words of [`Section::raster`](super::section::Section::raster) [map_rays × map_depths].
     pub(crate) raster: &'a [u32],
     /// Σμ of the attenuation's 98th percentile, nepers.
     pub(crate) percentile_np: f32,
@@ -73,9 +75,9 @@ pub(crate) struct Maps<'a> {
 pub(crate) struct Image<'a> {
     /// Grey levels.
     pub(crate) bmode: &'a mut [u8],
-    /// Tissue numbers.
+    /// Tissue numbers: index of the tissue + 1.
     pub(crate) segmentation: &'a mut [u8],
-    /// Attenuation over its percentile.
+    /// One-way attenuation e^(−Σμ) over its percentile, 0..=1.
     pub(crate) attenuation: &'a mut [f32],
 }
 
@@ -218,8 +220,8 @@ fn greys(params: &Params, polar: &[u32], positions: &[u32; LANES]) -> [u8; LANES
     grey
 }
 
-/// Tissue numbers and attenuation. Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the
-/// tissue is the nearer ray's.
+/// Tissue numbers and attenuation of pixels. Σμ is linear between map rays, and up to half a spacing beyond the outer
+/// ones. The tissue is the nearer ray's.
 #[inline(always)]
 fn sections(params: &Params, maps: &Maps<'_>, positions: &[u32; LANES]) -> ([u8; LANES], [f32; LANES]) {
     let stride = if params.map_rays > 1 { params.map_depths } else { 0 };
@@ -291,7 +293,7 @@ fn sections(params: &Params, maps: &Maps<'_>, positions: &[u32; LANES]) -> ([u8;
     (numbers, levels)
 }
 
-/// The two words in the order of the memory.
+/// The two words in the order that they have in memory.
 #[inline(always)]
 fn halves(pair: u64) -> [u32; 2] {
     let (low, high) = (pair as u32, (pair >> 32) as u32);
@@ -304,8 +306,8 @@ fn sum_np(word: u32) -> f32 {
     f32::from_bits((word & 0xffff_fe00) >> 1)
 }
 
-/// Σμ and tissue between two depths of a map ray. If two tissues meet between them, the Σμ at both depths gives the
-/// length of the step in each.
+/// Σμ and tissue between two depths of a map ray. If they lie in different tissues, Σμ at both depths tells where the
+/// boundary between them is.
 fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_mm: f32) -> (f32, u32) {
     let step_mm = params.map_step_mm;
     let (sum0, sum1) = (sum_np(before), sum_np(after));
@@ -314,7 +316,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     }
     let rate = |word: u32| maps.rates_np_mm[(word & 255) as usize];
     let contrast = rate(before) - rate(after);
-    // Unknown if both attenuate alike: halfway is within half a pixel.
+    // If both attenuate alike, the boundary is unknown: halfway, it is within half a pixel.
     let mut boundary_mm = 0.5 * step_mm;
     if contrast.abs() > CONTRAST_MIN_NP_MM {
         boundary_mm = ((sum1 - sum0 - rate(after) * step_mm) / contrast).max(0.0).min(step_mm);

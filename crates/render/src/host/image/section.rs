@@ -44,12 +44,12 @@ pub(crate) struct Section<'a> {
     pub(crate) entries: &'a mut [[f32; 4]],
     /// Number of runs of each ray.
     pub(crate) entry_counts: &'a mut [u32],
-    /// One word per map_step_mm of depth: Σμ without its sign and lowest 8 bits, a bit if the run reaches the next
-    /// depth, and the tissue [map_rays × map_depths].
+    /// One word per map_step_mm of depth [map_rays × map_depths]. It holds the bits of Σμ without the sign and the
+    /// lowest 8, a bit that is set if the run reaches the next depth, and the tissue.
     pub(crate) raster: &'a mut [u32],
 }
 
-/// Fills `section`; returns the number of crossings and runs that found no room.
+/// Fills `section`. Returns the number of crossings and runs lost for lack of room.
 pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -> u32 {
     let depths = params.map_depths as usize;
     let entries =
@@ -76,7 +76,7 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
     lost.sum()
 }
 
-/// Crossings of a packet of neighbouring rays.
+/// Memory for the crossings of a packet of neighbouring rays.
 struct Follower {
     rays: usize,
     found: [[Crossing; CROSSINGS]; RAYS],
@@ -115,7 +115,7 @@ fn follow_body(params: &Params, scene: &Scene<'_>, first: usize, follower: &mut 
     (follower.counts, follower.lost) = collect(&scene.tree, &packet, &mut Visits::new(), into);
 }
 
-/// Divides a ray into runs at its crossings; one that is not coupled is all air.
+/// Divides a ray into runs at its crossings. A ray that is not coupled is all air.
 fn divide(params: &Params, scene: &Scene<'_>, [depth_mm, down]: [f32; 2], found: &mut [Crossing], runs: &mut Runs<'_>) {
     found.sort_unstable_by(by_distance);
     let mut ahead = found;
@@ -180,7 +180,7 @@ fn rasterise_body(params: &Params, runs: &[[f32; 4]], raster: &mut [u32]) {
     for (i, &[start_mm, sum_np, rate_np_mm, tag]) in runs.iter().enumerate() {
         let end_mm = runs.get(i + 1).map_or(2.0 * params.depth_mm + 1.0, |next| next[0]);
         let tissue = tag.to_bits() & 255;
-        // An estimate of the end, then the exact one.
+        // An estimate of the end, corrected below.
         let mut to = (((end_mm / step_mm) as usize).saturating_sub(1)).clamp(from, raster.len());
         while to < raster.len() && (to as f32) * step_mm < end_mm {
             to += 1;

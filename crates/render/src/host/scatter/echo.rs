@@ -11,20 +11,20 @@ use crate::params::Params;
 
 /// Interfaces whose echoes are computed at once.
 const LANES: usize = 16;
-/// Room for the echoes of a path, in whole groups.
+/// Room for the echoes of a path, in whole groups of [`LANES`].
 const ECHOES: usize = (SEGMENTS as usize).next_multiple_of(LANES);
-/// A number of each echo of a path.
+/// One number per echo of a path.
 type Numbers = [f32; ECHOES];
 
-/// Inputs of the interfaces.
+/// Inputs of the pass.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Interfaces<'a> {
     pub(in crate::host) paths: Paths<'a>,
     /// Amplitude and range in mm [paths × SEGMENTS]. A path's first segment begins at the face and has no echo.
     pub(in crate::host) echoes: &'a [[f32; 2]],
-    /// Segments of each path.
+    /// Number of segments of each path.
     pub(in crate::host) segment_counts: &'a [u32],
-    /// The aperture's gain along the scanlines; without it, echoes have the loss of their paths.
+    /// The aperture's gain along the scanlines; if `None`, echoes have the loss of their paths.
     pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
@@ -35,10 +35,10 @@ struct Echoes {
     amplitude: Numbers,
     /// ln of the aperture's gain; 0 for echoes with the loss of their path.
     ln_gain: Numbers,
-    /// Range of the echo, and of its interface, mm. They differ within the interface's thickness.
+    /// Ranges of the echo and of its interface, mm. They differ within the interface's thickness.
     range_mm: Numbers,
     interface_mm: Numbers,
-    /// Complex value, and its position among the samples.
+    /// Complex value, and fractional index of the sample.
     value: [Numbers; 2],
     sample: Numbers,
 }
@@ -71,7 +71,7 @@ impl Echoes {
         }
     }
 
-    /// Adds those beyond `from_mm` to the samples of a scanline.
+    /// Adds the echoes of interfaces beyond the range `from_mm`, times `weight`, to the samples of a scanline.
     #[inline(always)]
     fn add(&self, weight: f32, from_mm: f32, row: &mut [[f32; 2]]) {
         for i in 0..self.count {
@@ -129,7 +129,7 @@ fn add_line_body(
             if params.axial_paths == 0 || reflected_mm == f32::MAX {
                 continue;
             }
-            // The axial path stands for what the path missed.
+            // The axial path's echoes replace those that the path missed.
             if !axial_listed {
                 interfaces.list(params.axial_path_of(line) as usize, 1, gain, &mut axial_echoes);
                 axial_echoes.compute(params);
@@ -141,8 +141,9 @@ fn add_line_body(
 }
 
 impl Interfaces<'_> {
-    /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the axial path
-    /// stands for it from there on, else the greatest number.
+    /// Lists the echoes of a path from segment `first` on. With a `gain`, returns the range of the path's first
+    /// reflection, beyond which the axial path's echoes are added, too. Without a gain or a reflection, returns the
+    /// greatest number.
     #[inline(always)]
     fn list(&self, path: usize, first: usize, gain: Option<ApertureGain<'_>>, echoes: &mut Echoes) -> f32 {
         let (starts, segments) = self.paths.of(path);

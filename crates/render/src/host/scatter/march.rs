@@ -14,40 +14,40 @@ use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
 use crate::texture::PackedTexture;
 
-/// Textures of a block.
+/// Number of texture levels in a block: one for [`TEXTURE_SAMPLES`] samples.
 const BLOCK_POSITIONS: usize = BLOCK / TEXTURE_SAMPLES as usize;
-/// Blocks whose textures are found at once.
+/// Number of blocks whose texture levels are found at once.
 const TEXTURE_BLOCKS: usize = POSITIONS / BLOCK_POSITIONS;
 
-/// Inputs of the samples in addition to the paths.
+/// Inputs of the pass, except the paths.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Scatterers<'a> {
     pub(in crate::host) constants: ImageConstants,
     /// Gain of each block of samples.
     pub(in crate::host) gain: &'a [f32],
-    /// 1/Y of the sheets for each block of samples; empty for the lattice.
+    /// 1/Y for each block of samples, 1/mm: sheets within the elevational distance ±Y count. Empty with the lattice.
     pub(in crate::host) per_reach_mm: &'a [f32],
-    /// Textures by number − 1; empty without the effect.
+    /// Textures; texture number n is at index n − 1. Empty without the effect.
     pub(in crate::host) textures: &'a [PackedTexture],
-    /// Fields of the textures.
+    /// Plane waves of the textures' random fields.
     pub(in crate::host) waves: &'a Waves,
-    /// The aperture's gain along the scanlines; without it, every path has its own loss.
+    /// The aperture's gain along the scanlines; if `None`, every path has its own loss.
     pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Marched<'a> {
-    /// Complex [scanlines × row_samples]; the last batch adds to it.
+    /// Complex [scanlines × row_samples]. The first batch clears it, the last one adds the scatterers.
     pub(in crate::host) baseband: &'a mut [[f32; 2]],
-    /// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
-    /// [scanlines × blocks]. Filled in with the aperture.
+    /// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain, at the first sample of
+    /// each block [scanlines × blocks]. Filled in with the aperture only.
     pub(in crate::host) reflected: &'a mut [f32],
-    /// Powers between the batches of a frame [scanlines × row_samples]; empty if there is one batch.
+    /// Powers summed over the batches so far [scanlines × row_samples]; empty if there is one batch.
     pub(in crate::host) kept: &'a mut [[f32; 3]],
 }
 
-/// Fills in the echoes of the scatterers.
+/// Computes the scatterers' echoes.
 pub(in crate::host) fn march(params: &Params, paths: Paths<'_>, scatterers: Scatterers<'_>, into: Marched<'_>) {
     let samples = params.row_samples as usize;
     let Marched { baseband, reflected, kept } = into;
@@ -91,7 +91,7 @@ fn march_row_body(
     for (chunk, row) in chunks.enumerate() {
         let first = (chunk * CHUNK * BLOCK) as u32;
         powers.begin(row.len());
-        // The mean power of all rays sets their strength.
+        // The mean power of all rays sets the scatterers' strength.
         let weight = params.path_weight();
         for layer in 0..params.layer_count {
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
@@ -120,7 +120,7 @@ fn march_row_body(
                 add_kept(&mut total, kept, begins);
             }
             if let (Some(ln_gain), Some(reflected)) = (&ln_gain, reflected.get_mut(block as usize / BLOCK)) {
-                // Power until the last batch.
+                // A power, of which the last batch makes a ratio of amplitudes.
                 *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
                 if ends && *reflected > 0.0 {
                     let by_aperture = power_with_gain(seek(params, paths, axial_path, block).1, ln_gain[0]);
@@ -145,7 +145,7 @@ fn march_row_body(
     }
 }
 
-/// Ratio of two amplitudes from their powers, at most `REFLECTED_MAX`.
+/// Ratio of two amplitudes, given their powers; at most `REFLECTED_MAX`.
 #[inline(always)]
 fn reflected_over_aperture(reflected: f32, by_aperture: f32) -> f32 {
     if by_aperture > reflected * (1.0 / (REFLECTED_MAX * REFLECTED_MAX)) {
@@ -200,7 +200,8 @@ fn echo(
     speckle.echo(&block, &BlockOfPath { params, paths, path: axial_path, first }, sums);
 }
 
-/// Gains of some blocks by the texture of the axial path's tissues, one for `TEXTURE_SAMPLES` samples.
+/// Amplitude factors of the texture of the axial path's tissues over [`TEXTURE_BLOCKS`] blocks, one for
+/// [`TEXTURE_SAMPLES`] samples.
 #[inline(always)]
 fn texture_gains(
     params: &Params,
@@ -224,7 +225,7 @@ fn texture_gains(
     }
     let mut gains = [1.0; POSITIONS];
     for (i, &number) in numbers.iter().enumerate() {
-        // Each tissue once; most stretches hold one or two.
+        // Each tissue once: most runs of samples have one or two.
         if numbers[..i].contains(&number) {
             continue;
         }

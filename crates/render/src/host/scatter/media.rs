@@ -1,4 +1,4 @@
-//! Paths of a scanline by the medium that they are in: counted, since media are few and paths many.
+//! Number of a scanline's paths in each medium. Media are few and paths many, so counting is faster than adding powers.
 
 use insonify_core::simd::real;
 
@@ -6,10 +6,11 @@ use crate::host::constants::DENSITY_ONE;
 use crate::host::paths::{BLOCK, CHUNK, Lanes};
 use crate::segment::Segment;
 
-/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
+/// Power of scatterers at the samples of a block: of their mean amplitude, of its deviation, and the sum of both times
+/// the density.
 pub(super) type Power = [Lanes; 3];
 
-/// Media that are counted before they are summed.
+/// Number of media that are counted before their power is summed.
 const MEDIA: usize = 16;
 /// Pairs of samples in a block. Two samples share a segment.
 const BLOCK_PAIRS: usize = BLOCK / 2;
@@ -40,7 +41,7 @@ impl Medium {
         [self.mean.to_bits(), self.deviation.to_bits(), self.density]
     }
 
-    /// [`parts`] of a segment in it.
+    /// [`parts`] of a segment in this medium.
     #[inline(always)]
     fn parts(&self, weight: f32) -> Option<[f32; 3]> {
         let [mean, deviation] = [weight * self.mean * self.mean, weight * self.deviation * self.deviation];
@@ -53,7 +54,7 @@ impl Medium {
 #[derive(Debug)]
 pub(super) struct Media {
     media: [Medium; MEDIA],
-    /// Paths that enter each medium at a pair of samples, less those that leave it.
+    /// Number of paths that enter each medium at a pair of samples, less those that leave it.
     changes: [[i16; PAIRS + 1]; MEDIA],
     count: usize,
 }
@@ -67,8 +68,8 @@ impl Media {
         }
     }
 
-    /// Counts a path that is in a segment from sample `begin` to before sample `end`, both even. Without room for another
-    /// medium, those that were counted are added to `sums` with the weight of a path.
+    /// Counts a path in its medium over samples `begin..end`, both even. If all `MEDIA` slots are taken, first adds the
+    /// power counted so far to `sums` and forgets it; each path weighs `weight`.
     #[inline(always)]
     pub(super) fn add(&mut self, weight: f32, segment: &Segment, [begin, end]: [usize; 2], sums: &mut [Power; CHUNK]) {
         let medium = Medium::of(segment);
@@ -92,7 +93,7 @@ impl Media {
         }
     }
 
-    /// Adds the power of all counted paths to `sums`, and forgets them.
+    /// Adds the power of all counted paths to `sums`, and forgets them. Each path weighs `weight`.
     #[inline(always)]
     pub(super) fn sum(&mut self, weight: f32, sums: &mut [Power; CHUNK]) {
         for (medium, changes) in self.media.iter().zip(&mut self.changes).take(self.count) {
@@ -119,8 +120,8 @@ impl Media {
     }
 }
 
-/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
-/// of 1. None without scatterers.
+/// Power of a segment's scatterers times `weight`, in the order of [`Power`], with the density in 0..=1. `None` without
+/// scatterers.
 #[inline(always)]
 pub(super) fn parts(weight: f32, segment: &Segment) -> Option<[f32; 3]> {
     Medium::of(segment).parts(weight)

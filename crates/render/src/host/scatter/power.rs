@@ -1,4 +1,4 @@
-//! Power of the scatterers along the paths of a scanline.
+//! Power of the scatterers along the paths of a scanline. Scaled powers have the factor e^(2·[`LN_SCALE`]).
 
 use insonify_core::simd::{at_least, at_most, exp};
 
@@ -10,12 +10,12 @@ use crate::segment::Segment;
 
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
-/// Largest fall of ln power per block for which a block's powers are derived from those of the block before.
+/// Largest fall of ln power per block for which a block's powers are computed from those of the block before.
 const LN_FALL_MAX: f32 = 7.0;
 /// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 
-/// Run of blocks of a path, and the path's weight.
+/// Consecutive blocks of samples on a path, and the path's weight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stretch {
     pub(super) first: u32,
@@ -23,16 +23,16 @@ pub(super) struct Stretch {
     pub(super) weight: f32,
 }
 
-/// Powers of a run of blocks.
+/// Powers of the scatterers at consecutive blocks of samples, summed over paths.
 #[derive(Debug)]
 pub(super) struct Powers {
-    /// Power by paths whose loss the aperture's gain replaces, without that gain.
+    /// Power by paths whose loss the aperture's gain will replace, without loss or gain.
     by_aperture: [Power; CHUNK],
-    /// Paths of the same kind that are not yet added to it.
+    /// Counted paths of that kind whose power is not yet in `by_aperture`.
     media: Media,
-    /// Power by paths with their own loss, scaled.
+    /// Scaled power by paths with their own loss.
     traced: [Power; CHUNK],
-    /// Whether `traced` holds any.
+    /// Whether any path was added to `traced`.
     any_traced: bool,
 }
 
@@ -42,7 +42,7 @@ impl Powers {
         Self { by_aperture: zeros, media: Media::new(), traced: zeros, any_traced: false }
     }
 
-    /// Clears the first blocks.
+    /// Clears the first `blocks` blocks.
     #[inline(always)]
     pub(super) fn begin(&mut self, blocks: usize) {
         self.by_aperture[..blocks].fill([[0.0; BLOCK]; 3]);
@@ -50,7 +50,8 @@ impl Powers {
         self.any_traced = false;
     }
 
-    /// Adds a path. Beyond its first reflection it has its own loss, and the axial path stands for what it missed.
+    /// Adds a path. With `aperture`, the aperture's gain will replace its loss up to its first reflection. Behind it
+    /// the path has its own loss, and the axial path's power is added, too.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
@@ -106,7 +107,7 @@ impl Powers {
         self.media.sum(weight, &mut self.by_aperture);
     }
 
-    /// Adds the scatterers of a segment with its loss, scaled.
+    /// Adds the scaled power of a segment's scatterers, with the path's loss.
     #[inline(always)]
     fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &Segment, [begin, end]: [usize; 2]) {
         let (level, fall) = (segment.ln_amplitude_at_zero, segment.fall_np_mm);
@@ -143,14 +144,15 @@ impl Powers {
         }
     }
 
-    /// Power at the first sample of a block, scaled: of the mean and the deviation that came by reflections.
+    /// Scaled power at the first sample of a block, by paths with their own loss: with the aperture, by reflected
+    /// paths.
     #[inline(always)]
     pub(super) fn reflected(&self, block: usize) -> f32 {
         let [mean, deviation, _] = &self.traced[block];
         if self.any_traced { mean[0] + deviation[0] } else { 0.0 }
     }
 
-    /// Power at the samples of a block, scaled. Here the aperture's gain `ln_gain`, ln of the amplitude, replaces the
+    /// Scaled power at the samples of a block. The aperture's gain, given as ln of the two-way amplitude, replaces the
     /// loss of paths that have not reflected. Without it, all paths have their own loss.
     #[inline(always)]
     pub(super) fn total(&self, block: usize, ln_gain: Option<&Lanes>) -> Power {
@@ -173,14 +175,13 @@ impl Powers {
     }
 }
 
-/// Power of a segment's scatterers, of the mean and the deviation, with the aperture's gain instead of its loss;
-/// scaled.
+/// Scaled power of a segment's scatterers, with the aperture's gain instead of the path's loss.
 #[inline(always)]
 pub(super) fn power_with_gain(segment: &Segment, ln_gain: f32) -> f32 {
     parts(1.0, segment).map_or(0.0, |[mean, deviation, _]| (mean + deviation) * scaled_power(ln_gain))
 }
 
-/// Power of an amplitude, scaled.
+/// Scaled power of an amplitude, clamped to [`LN_POWERS`].
 #[inline(always)]
 fn scaled_power(ln_amplitude: f32) -> f32 {
     exp(at_most(at_least(2.0 * (ln_amplitude + LN_SCALE), LN_POWERS[0]), LN_POWERS[1]))

@@ -8,10 +8,10 @@ use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::{Params, SheetFamily};
 use crate::segment::Segment;
 
-/// Numbers that tell where a sample's scatterers lie.
+/// Numbers of a [`View`] that tell where a sample's scatterers lie.
 const VIEW_NUMBERS: usize = 8;
 
-/// Scatterers of a block as the paths see them.
+/// Amplitude and density of the scatterers at a block of samples, averaged over the paths.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Strength {
     /// Mean and deviation of a scatterer's amplitude.
@@ -21,7 +21,8 @@ pub(in crate::host) struct Strength {
 }
 
 impl Strength {
-    /// The strength of scatterers with the given squared mean, squared deviation, and density times both, after `gains`.
+    /// The strength of scatterers with a squared mean, a squared deviation, and their sum times the density. `gains`
+    /// are factors of their amplitude.
     #[inline(always)]
     pub(in crate::host) fn new([mean2, deviation2, dense]: &[Lanes; 3], gains: &Lanes) -> Self {
         let (mut amplitude, mut density) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
@@ -35,16 +36,17 @@ impl Strength {
     }
 }
 
-/// Axes of the scatterers' cells, for segments of the axial path.
+/// Axes of the scatterers' cells. For sheets, coordinates count sheets along the normal and cells within a sheet; for
+/// the lattice, they are mm.
 #[derive(Debug, Clone, Copy, Default)]
 struct View {
     axes: [[f32; 3]; 3],
-    /// Factor of the range per cell along the last two axes.
+    /// Squared side of a cell, mm²: it makes [`View::of`] give ranges per cell.
     range: f32,
 }
 
 impl View {
-    /// Origin and step of a segment along each axis, then the range per cell along the last two.
+    /// Origin and step of a segment along each axis, then the change of range per cell along the last two axes, mm.
     #[inline(always)]
     fn of(&self, segment: &Segment) -> [f32; VIEW_NUMBERS] {
         let along = |axis: &[f32; 3], [x, y, z]: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
@@ -99,25 +101,25 @@ impl BlockOfPath<'_> {
     }
 }
 
-/// A family of sheets, in units of its spacing and of cells.
+/// A family of parallel sheets, in units of their spacing and of their cells.
 #[derive(Debug, Clone, Copy, Default)]
 struct Family {
     view: View,
-    /// Cells along both axes of a sheet per sheet, on an elevational line.
+    /// Shift of an elevational line from one sheet to the next, in cells along both axes of the sheets.
     drift: [f32; 2],
-    /// Distance between the sheets along an elevational line, mm.
+    /// Distance between neighbouring sheets along an elevational line, mm.
     pitch_mm: f32,
     share: f32,
     salt: u32,
-    /// Scatterers of a cell.
+    /// Number of scatterers in a cell.
     scatterers: u32,
 }
 
-/// Cells of one sheet at a block's samples.
+/// Cells of one sheet where the elevational lines of a block's samples meet it.
 #[derive(Debug, Clone, Copy, Default)]
 struct Met {
     weight: Lanes,
-    /// From the sample to the cell's corner, cells.
+    /// Offset from a sample's point on the sheet to the cell's corner, in cells.
     ahead: [Lanes; 2],
     /// Random words of the cell.
     bits: [[u32; BLOCK]; 3],
@@ -126,8 +128,8 @@ struct Met {
 }
 
 impl Met {
-    /// Selects each cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two lie in opposite
-    /// quarters. The last argument is the range per cell along both axes.
+    /// Selects each cell's scatterer whose range is nearest to the sample's. Each scatterer lies in its own quarter;
+    /// two lie in opposite quarters. The last argument is the change of range per cell along both axes, mm.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
     fn choose_nearest(
@@ -158,12 +160,12 @@ impl Met {
     }
 }
 
-/// A block of samples.
+/// A block of samples, and its scatterers.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Block {
     /// Range of each sample, mm.
     pub(in crate::host) ranges_mm: Lanes,
-    /// 1/Y: sheets within ±Y count, 1/mm.
+    /// 1/Y, 1/mm: sheets within the elevational distance ±Y count.
     pub(in crate::host) per_reach_mm: f32,
     pub(in crate::host) strength: Strength,
 }
@@ -173,9 +175,9 @@ pub(in crate::host) struct Block {
 pub(in crate::host) struct Speckle {
     phase_turns_per_mm: f32,
     families: [Family; SHEET_FAMILIES as usize],
-    /// Number of `families`; 0 for the lattice.
+    /// Number of `families` in use; 0 for the lattice.
     count: usize,
-    /// Sheets looked up to one side of a sample.
+    /// Number of sheets looked up to one side of a sample.
     to_a_side: f32,
     /// See [`SCATTERER_STRIDE`](crate::constants::SCATTERER_STRIDE).
     stride: u32,
@@ -210,7 +212,7 @@ impl Speckle {
         }
     }
 
-    /// Adds the echoes of a block to `sums`. `axial_path` sets where its samples lie.
+    /// Adds the echoes of a block to `sums`. `axial_path` sets where the block's samples lie.
     #[inline(always)]
     pub(in crate::host) fn echo(&self, block: &Block, axial_path: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
         if self.count == 0 {
@@ -222,7 +224,7 @@ impl Speckle {
         }
     }
 
-    /// Adds the echo of each sample's cell of the lattice.
+    /// Adds the echo of the scatterer in each sample's cell of the lattice.
     #[inline(always)]
     fn lattice(&self, block: &Block, positions: &[Lanes; VIEW_NUMBERS], sums: &mut [Lanes; 2]) {
         let [x0, dx, y0, dy, z0, dz, ..] = positions;
@@ -243,9 +245,9 @@ impl Speckle {
         }
     }
 
-    /// Adds the echoes where the samples' elevational lines meet the sheets of a family.
+    /// Adds the echoes of the scatterers in the cells where the samples' elevational lines meet a family's sheets.
     ///
-    /// Short loops: their iterations overlap in the processor, a loop of the whole look-up would wait for each.
+    /// Short loops, whose iterations overlap in the processor. One loop for the whole look-up would wait at each step.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
     fn sheets(&self, family: &Family, block: &Block, positions: &[Lanes; VIEW_NUMBERS], sums: &mut [Lanes; 2]) {
@@ -266,7 +268,7 @@ impl Speckle {
                 let [first, second] = cells.map(floored);
                 let sheet = number.wrapping_add(slot).wrapping_add(family.salt);
                 let bits = pcg3d([first.1, second.1, sheet]);
-                // Distance along the elevational axis over Y.
+                // Elevational distance to the sheet, over Y.
                 let y = off * (family.pitch_mm * block.per_reach_mm);
                 let bell = at_least(1.0 - y * y, 0.0);
                 met.weight[i] = bell * bell;
@@ -320,13 +322,13 @@ impl Speckle {
     }
 }
 
-/// Position of a scatterer in its cell: ten bits of its random word.
+/// Position of a scatterer along one axis of its cell, 0..1: ten bits of its random word.
 #[inline(always)]
 fn offset(bits: u32, shift: u32) -> f32 {
     (real(bits >> shift & 1023) + 0.5) * (1.0 / 1024.0)
 }
 
-/// A complex number of mean 0 and mean square 1: each part is a sum of four nibbles.
+/// A complex number of mean 0 and mean square 1: its real and imaginary parts are sums of four nibbles each.
 #[inline(always)]
 pub(in crate::host) fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);

@@ -1,4 +1,4 @@
-//! Texture of tissues: level of their scattering at some positions at once.
+//! Texture of tissues: level of their scattering at several positions at once.
 #![allow(clippy::needless_range_loop, reason = "several arrays go together")]
 
 use insonify_core::simd::{TO_INTEGER, exp};
@@ -10,7 +10,7 @@ pub(in crate::host) const POSITIONS: usize = 16;
 /// A coordinate, or a level, of each position.
 pub(in crate::host) type Positions = [f32; POSITIONS];
 
-/// Wave vectors and phases of a field.
+/// Plane waves of a Gaussian random field: wave vector and phase of each.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Waves([[f32; 4]; WAVES]);
 
@@ -19,7 +19,7 @@ impl Waves {
         Self(*waves)
     }
 
-    /// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
+    /// Values at the positions of a Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
     #[inline(always)]
     fn field(&self, &[x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: &[Positions; 3]) -> Positions {
         let mut at = [[0.0; POSITIONS]; 3];
@@ -33,7 +33,7 @@ impl Waves {
             let u = 2.0 * (turns - whole).abs();
             1.0 - 2.0 * u * u * (3.0 - 2.0 * u)
         };
-        // The first two levels of the tree of sums stay in registers.
+        // The first two levels of the tree of sums are added in registers.
         let mut half = WAVES / 4;
         let mut heights = [[0.0; POSITIONS]; WAVES / 4];
         for (i, sums) in heights.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ impl Waves {
         heights[0].map(|height| height * FIELD_SCALE)
     }
 
-    /// Factors of the scattering of a tissue at positions of the scene at rest.
+    /// Amplitude factors of a tissue's scatterers at positions in the scene at rest.
     #[inline(always)]
     pub(in crate::host) fn gains(&self, texture: &PackedTexture, here_mm: &[Positions; 3]) -> Positions {
         let [fx, fy, fz, narrower] = texture.fibre;
@@ -90,7 +90,7 @@ impl Waves {
     }
 }
 
-/// 1/√(waves · variance of a wave).
+/// 1/√(number of waves · variance of a wave).
 const FIELD_SCALE: f32 = 0.358_715_03;
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Candidates of a straight path: all triangles that it may cross between its interfaces, found by one traversal.
 //!
-//! A path goes straight on until it reflects, but at each interface its origin and its direction are rounded. So it drifts
-//! from its first straight line, by less than [`DRIFT_MM`] over [`STEPS_MAX`] steps within [`WITHIN_MM`]. Candidates are
-//! triangles within the drift. They are tested again from the path's own origin: it finds the same crossings as by a new
-//! search of the tree. Within the tolerance of an edge, the tree's boxes decide whether a search finds a triangle, so the
-//! path searches anew there.
+//! A path goes straight on until it reflects, but at each interface its origin and its direction are rounded. So it
+//! drifts from its first straight line, by less than [`DRIFT_MM`] over [`STEPS_MAX`] steps within [`WITHIN_MM`].
+//! Candidates are the triangles within that drift of the line. Each is tested again from the path's own position, which
+//! finds the same crossings as a new search of the tree. Within the tolerance of an edge, however, the tree's boxes
+//! decide whether a search finds a triangle. There, the path searches anew.
 
 use glam::Vec3;
 use insonify_core::simd::prefetch;
@@ -39,7 +39,7 @@ pub(super) struct Along {
     pub(super) travelled_mm: f32,
     /// Steps so far.
     pub(super) steps: u32,
-    /// Number of candidates at the head of the list that the path has passed.
+    /// Number of candidates at the head of the list that the path has left behind.
     passed: usize,
 }
 
@@ -52,7 +52,7 @@ impl Along {
     }
 }
 
-/// Candidates of a path, by least distance.
+/// Candidates of a path, sorted by least distance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidates {
     list: [Candidate; Self::MOST],
@@ -69,12 +69,13 @@ impl Candidates {
         Self { list: [Candidate::default(); Self::MOST], count: 0, complete_mm: f32::NEG_INFINITY }
     }
 
-    /// Distance up to which a path from `origin` has candidates: `length_mm` if the path stays within [`WITHIN_MM`], else 0.
+    /// Distance up to which a path from `origin` has candidates, mm: `length_mm` if the path stays within
+    /// [`WITHIN_MM`], else 0.
     pub(super) fn length_mm(origin: Vec3, length_mm: f32) -> f32 {
         if origin.abs().max_element() + length_mm <= WITHIN_MM { length_mm } else { 0.0 }
     }
 
-    /// Removes all candidates. Those within `length_mm` will be added.
+    /// Removes all candidates. The caller then adds all candidates within `length_mm`.
     #[inline(always)]
     fn clear(&mut self, length_mm: f32) {
         self.count = 0;
@@ -96,7 +97,7 @@ impl Candidates {
         self.complete_mm = self.complete_mm.min(candidate.least_mm - DRIFT_MM);
     }
 
-    /// Sorts the candidates. They come in about that order.
+    /// Sorts the candidates by least distance. They arrive almost in that order.
     #[inline(always)]
     fn sort(&mut self) {
         let list = &mut self.list[..self.count];
@@ -111,14 +112,14 @@ impl Candidates {
         }
     }
 
-    /// Whether nothing is missing up to `t` mm from a position.
+    /// Whether no candidate is missing up to `t` mm ahead of a position.
     #[inline(always)]
     fn complete(&self, along: &Along, t: f32) -> bool {
         along.steps < STEPS_MAX && along.travelled_mm + t <= self.complete_mm
     }
 
-    /// The nearest crossing in (t_min, t_max] of a ray at a position of the path, as by a search of all triangles; none
-    /// if candidates may be missing, or if an edge decides.
+    /// The nearest crossing in (t_min, t_max] of a ray at a position of the path, as by a search of all triangles;
+    /// `Some(None)` if there is none. `None` if candidates may be missing, or if an edge decides.
     #[inline(always)]
     pub(super) fn nearest(
         &self,
@@ -138,7 +139,7 @@ impl Candidates {
         let mut ahead = list[along.passed..].iter();
         for candidate in &mut ahead {
             if candidate.least_mm - along.travelled_mm > search.reach_mm() + TOUCH_MM {
-                // The next search begins here, after those of other paths.
+                // The path's next search begins here, after those of other paths.
                 prefetch(&tree.triangles[candidate.triangle as usize]);
                 break;
             }
@@ -159,7 +160,7 @@ impl Candidates {
     }
 
     /// Collects every crossing in (t_min, t_max] of a ray at a position of the path, unsorted. Returns their number;
-    /// none if candidates may be missing, if an edge decides, or if there are more than `into` holds.
+    /// `None` if candidates may be missing, if an edge decides, or if there are more than `into` holds.
     pub(super) fn collect(
         &self,
         tree: &Tree<'_>,
@@ -192,9 +193,9 @@ impl Candidates {
     }
 }
 
-/// Collects the candidates of a packet's rays up to their `length_mm`, and into `near` their crossings from t_min to
-/// `near_mm`, unsorted. Returns the number of those stored per ray; none if an edge decides about one of them, or if they
-/// have no room.
+/// Collects the candidates of a packet's rays up to their `length_mm`. Also collects their crossings from t_min to
+/// `near_mm` into `near`, unsorted, and returns the number of these per ray. `None` if an edge decides about one of
+/// those crossings, or if they don't fit.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,

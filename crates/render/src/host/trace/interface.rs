@@ -42,7 +42,7 @@ pub(in crate::host) fn ln(x: f32) -> f32 {
     log2(x) * std::f32::consts::LN_2
 }
 
-/// Snell and Fresnel between two fluids.
+/// Reflection and transmission between two fluids, by Snell's and Fresnel's laws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interface {
     pub(super) pressure_reflection: f32,
@@ -73,7 +73,8 @@ pub(super) fn interface_between(z1: f32, z2: f32, speed_ratio: f32, cos_incident
     }
 }
 
-/// Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
+/// Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`. `u`
+/// and `v` are random numbers in 0..1.
 #[inline(always)]
 pub(super) fn microfacet(n: Vector, variance: f32, u: f32, v: f32) -> Vector {
     let slope = at_least(-variance * ln(at_least(1.0 - u, 1.0e-7)), 0.0).sqrt();

@@ -22,11 +22,12 @@ pub(super) struct Arrival {
     pub(super) roughness: f32,
     pub(super) thickness_mm: f32,
     pub(super) coherence: f32,
-    /// Impedance before and beyond.
+    /// Impedances before and beyond the interface.
     pub(super) impedances_mrayl: [f32; 2],
-    /// Speed ratio c/c₀ of refraction, before and beyond.
+    /// c/c₀ in Snell's and Fresnel's laws, before and beyond the interface.
     pub(super) bending: [f32; 2],
-    /// c/c₀ for the transmitted direction; 1 before the first reflection, since beams bend by the aperture, not by a facet.
+    /// c/c₀ for the transmitted direction, before and beyond. Both are 1 until the path has reflected: beams bend by
+    /// the delays over the aperture, not at a facet.
     pub(super) path_bending: [f32; 2],
     pub(super) surface: u32,
     pub(super) line_ray: u32,
@@ -35,15 +36,15 @@ pub(super) struct Arrival {
     pub(super) bounce: u32,
 }
 
-/// Changes of a path at its interface.
+/// Changes of a path by its interface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Departure {
     pub(super) direction: Vector,
     pub(super) reflected: bool,
-    /// Change of ln amplitude: of the whole path, and of its scatterers alone.
+    /// Changes of ln amplitude: of the whole path, and of its scatterers alone.
     pub(super) ln_amplitude: f32,
     pub(super) ln_scatter: f32,
-    /// ln of the amplitude that passes the interface, two-way.
+    /// ln of the two-way amplitude that passes the interface.
     pub(super) ln_passed: f32,
     pub(super) echo: f32,
     /// Range of the echo minus that of the interface, mm.
@@ -90,7 +91,7 @@ pub(super) struct Departures {
     pub(super) echo_offset_mm: Lanes,
 }
 
-/// Up to [`RAYS`] paths that arrive at interfaces at once.
+/// Up to [`RAYS`] paths that are at interfaces at once.
 #[derive(Debug)]
 pub(super) struct InterfaceBatch {
     count: usize,

@@ -1,5 +1,5 @@
-//! Response of interfaces to a packet of paths: echoes, the choice of reflection, and new directions. It is that part
-//! of `shaders/trace.wgsl`.
+//! Response of interfaces to a packet of paths: echoes, the choice of reflection, and new directions, as in
+//! `shaders/trace.wgsl`.
 
 use insonify_core::simd::{at_least, at_most, exp, floor, pcg3d, real, widened};
 
@@ -12,7 +12,7 @@ use crate::host::constants::{FACET_COS_MIN, LN_SILENT, TraceConstants};
 use crate::host::effects::PathEffects;
 use crate::host::lanes::{Lanes, RAYS};
 
-/// Parameters of all paths of a frame.
+/// Parameters that all paths of a frame share.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
     pub(super) effects: PathEffects,
@@ -23,8 +23,8 @@ pub(super) struct Rules {
     pub(super) aperture_mm: f32,
 }
 
-/// Random numbers of an axial path: it takes the likelier way at an untilted facet, so chance doesn't move scatterers.
-/// A scanline's only path shares its facets with its axial path.
+/// Fixed numbers of an axial path instead of random ones: it takes the likelier way at an untilted facet, so chance
+/// doesn't move scatterers. A scanline's only path shares its facets with its axial path.
 const AXIAL_NUMBERS: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 widened! {
@@ -98,7 +98,7 @@ fn between(arrivals: &Arrivals, i: usize, cos_incident: f32) -> Interface {
     interface_between(z1[i], z2[i], speed_ratio(&arrivals.bending, i), cos_incident)
 }
 
-/// Cosine of a path's angle with a normal against it.
+/// Cosine of the angle between a path's reversed direction and a normal; 0 if it is obtuse.
 #[inline(always)]
 fn cos(normal: Vector, direction: Vector) -> f32 {
     at_most(at_least(-dot(normal, direction), 0.0), 1.0)
@@ -128,7 +128,7 @@ fn transmit_or_reflect(
         // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind it.
         let passes = effects.aperture & (arrivals.is_axial[i] != 0);
         let reflected = effects.reflections & !passes & ((energy >= 1.0) | (follow & (random[i] < energy)));
-        // A rough surface spreads part of the beam beyond the aperture, both ways.
+        // A rough surface spreads part of the beam beyond the aperture, on the way out and back.
         let ln_passed = ln(at_least(1.0 - energy, 1.0e-30));
         let ln_kept = if reflected { ln(accepted) } else { ln_passed };
         let ln_reflected = 0.5 * ln(at_least(energy, 1.0e-30));
@@ -151,7 +151,7 @@ fn transmit_or_reflect(
     }
 }
 
-/// Computes the echoes, shifted within the interface's thickness by a hash of the position.
+/// Computes the echoes. Their ranges are shifted within the interface's thickness by a hash of the position.
 #[inline(always)]
 fn return_echoes(arrivals: &Arrivals, facets: &[Lanes; 3], departures: &mut Departures, rules: Rules) {
     let Rules { constants, aperture_mm, .. } = rules;

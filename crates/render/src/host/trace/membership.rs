@@ -9,15 +9,16 @@ use crate::host::constants::{GAP_MAX_MM, GAP_NP_MM, TOUCH_MM};
 /// The surfaces that a point is inside, one bit each; the highest one is the medium.
 pub(in crate::host) type Inside = [u32; 8];
 
-/// The highest of the surfaces. Crossings of lower ones don't change the medium.
+/// Index of the highest surface; `None` outside of all. Crossings of lower surfaces don't change the medium.
 #[inline(always)]
 pub(super) fn highest(inside: &Inside) -> Option<u32> {
     let word = (0..8).rev().find(|&word| inside[word] != 0)?;
     Some(32 * word as u32 + inside[word].ilog2())
 }
 
-/// Coupling of a ray that leaves the face at `face_depth_mm` below the face's apex and goes `down` mm deeper per mm: its
-/// amplitude, one way, 0..=1. Inside a surface it is 1; else the `ahead` crossings decide, nearest first.
+/// One-way amplitude that the face passes to a ray, 0..=1. The ray starts `face_depth_mm` below the face's apex and
+/// goes `down` mm deeper per mm. Inside a surface the result is 1. Else the nearest of the crossings `ahead`, sorted by
+/// distance, decides.
 #[inline(always)]
 pub(in crate::host) fn coupling(
     film_mm: f32,
@@ -36,7 +37,7 @@ pub(in crate::host) fn coupling(
     exp(-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm))
 }
 
-/// Farthest crossing ahead that may couple such a ray, mm.
+/// Distance to the farthest crossing ahead that may couple such a ray, mm.
 #[inline(always)]
 pub(super) fn film_reach_mm(film_mm: f32, face_depth_mm: f32, down: f32) -> f32 {
     if film_mm < 0.0 { 0.0 } else { ((film_mm + GAP_MAX_MM - face_depth_mm) / down.max(0.1)).max(0.0) }
@@ -48,8 +49,8 @@ pub(in crate::host) fn medium_word(surface_words: &[u32], background: u32, insid
     highest(inside).map_or(background, |surface| surface_words[surface as usize])
 }
 
-/// Applies coincident crossings. A surface that is entered and left there is a crease or a silhouette: its
-/// membership is unchanged.
+/// Enters and leaves surfaces at coincident crossings. A surface both entered and left there has a crease or a
+/// silhouette: its membership is unchanged.
 #[inline(always)]
 pub(in crate::host) fn cross(triangles: &[PackedTriangle], coincident: &[Crossing], inside: &mut Inside) {
     let surface = |crossing: &Crossing| triangles[crossing.triangle as usize].surface;

@@ -1,9 +1,9 @@
 //! The passes `locate` and `trace`: paths through the scene, in packets of neighbours over all cores.
 //!
-//! `path_packet.rs` holds the loop of a packet, `path.rs` the steps of one path. Up to their first reflection paths are
-//! straight: one traversal of the tree (`packet.rs`) finds all their candidates. Behind it each has a
-//! search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at once
-//! (`interface_response.rs`).
+//! `path_packet.rs` holds the loop of a packet, `path.rs` the steps of one path. Up to its first reflection a path is
+//! straight: one traversal of the tree (`packet.rs`) finds all triangles that it may cross, its candidates. After a
+//! reflection, each path has a search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at
+//! once (`interface_response.rs`).
 
 mod candidates;
 pub(super) mod interface;
@@ -34,19 +34,20 @@ use path_packet::PathPacket;
 /// Parallel tasks per thread, so that none waits long for the last one.
 const TASKS_A_THREAD: usize = 16;
 
-/// Function that follows paths from an index on into the outputs; returns the number of crossings lost.
+/// Function that follows the paths from an index on and fills their outputs. Returns the number of crossings lost for
+/// lack of room.
 pub(in crate::host) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32;
 
-/// Outputs of a run of paths.
+/// Outputs of consecutive paths.
 #[derive(Debug)]
 pub(in crate::host) struct Outputs<'a> {
     paths: PathOutputs<'a>,
-    /// Outputs of their axial paths, if each path is the only one of its scanline.
+    /// Outputs of these paths' axial paths, if each path is the only one of its scanline and has one.
     axial_paths: Option<PathOutputs<'a>>,
 }
 
 impl Outputs<'_> {
-    /// The first `paths` paths, and the rest.
+    /// Splits off the outputs of the first `paths` paths.
     fn split_at(self, paths: usize) -> (Self, Self) {
         let (low, high) = self.paths.split_at(paths);
         let (axial_low, axial_high) = self.axial_paths.map(|axial_paths| axial_paths.split_at(paths)).unzip();
@@ -54,15 +55,15 @@ impl Outputs<'_> {
     }
 }
 
-/// Follows the paths of a batch and its axial paths, split over the cores in whole packets; returns the number of
-/// crossings that found no room.
+/// Follows the paths of a batch and its axial paths, split over the cores in whole packets. Returns the number of
+/// crossings lost for lack of room.
 ///
-/// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
-/// are lost depends on its neighbours.
+/// A path's outputs depend on that path alone, with one exception: if more crossings lie behind its start than fit, its
+/// neighbours decide which ones are lost.
 pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
     let Params { axial_paths, scanlines, .. } = *scene.params;
-    // With the aperture an axial path passes every interface: it is the scanline's only path up to that path's
-    // reflection.
+    // With the aperture, an axial path passes every interface. Up to the first reflection of its scanline's only path,
+    // both are the same.
     if axial_paths > 0 && scene.effects.aperture && scene.params.single() {
         let (paths, axial_paths) = out.split_at(scanlines as usize);
         over_cores(scene, follow, 0..paths.paths(), Outputs { paths, axial_paths: Some(axial_paths) })
@@ -76,7 +77,7 @@ fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, out: Outpu
     in_tasks(scene, follow, paths, out, a_task)
 }
 
-/// Follows paths in tasks of up to `a_task` paths: each has working memory of its own.
+/// Follows paths in parallel tasks of up to `a_task` paths. Each task has working memory of its own.
 fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Outputs<'_>, a_task: usize) -> u32 {
     if paths.len() <= a_task {
         return follow(scene, paths.start, &mut out);
@@ -91,7 +92,7 @@ fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Out
     a + b
 }
 
-/// Follows a run of paths, with the instruction set of the function that it is inlined into.
+/// Follows consecutive paths, with the instruction set of the function that it is inlined into.
 #[inline(always)]
 fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
     let mut packet = PathPacket::new();

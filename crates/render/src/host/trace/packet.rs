@@ -11,7 +11,8 @@ use super::traverse::{Ray, Stack, Tree, boxes, intersect, leaf, max, min, prefet
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, bits, fold};
 
-/// Most rays that are tested one by one: at a node against its eight boxes at once, at a leaf against each triangle.
+/// Up to this number, rays are tested one by one: at a node each against its eight boxes at once, at a leaf each
+/// against every triangle.
 const FEW_AT_A_NODE: u32 = 4;
 const FEW_AT_A_LEAF: u32 = 2;
 
@@ -33,7 +34,7 @@ pub(in crate::host) struct Packet {
     t_min: Lanes,
     pub(super) t_max: Lanes,
     single: [Ray; RAYS],
-    /// One bit per lane.
+    /// One bit per lane: whether it holds a ray.
     on: u32,
 }
 
@@ -66,7 +67,7 @@ impl Packet {
         Vec3::new(self.direction[0][lane], self.direction[1][lane], self.direction[2][lane])
     }
 
-    /// Distance beyond which a lane searches for crossings.
+    /// Distance beyond which a lane searches for crossings, mm.
     #[inline(always)]
     pub(super) fn t_min(&self, lane: usize) -> f32 {
         self.t_min[lane]
@@ -100,7 +101,7 @@ struct Visit {
     rays: u32,
 }
 
-/// The visits of a packet.
+/// Memory for the pending visits of a packet.
 #[derive(Debug)]
 pub(in crate::host) struct Visits([Visit; Stack::DEPTH]);
 
@@ -116,8 +117,8 @@ struct Met {
     rays: [u32; WIDTH],
 }
 
-/// Tests a node's boxes against `rays`. With many rays, only boxes that the packet's bounds meet between its ends are
-/// tested. Rays within `aside_mm` of a box count as met.
+/// Tests a node's boxes against `rays`. If there are many, only boxes that the packet's bounds meet between the
+/// distances `ends` are tested. Rays within `aside_mm` of a box count as met.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(
@@ -172,8 +173,8 @@ fn meet(
     met
 }
 
-/// Intersects a packet with a triangle: distances go to `t`. Returns bit masks of the rays that hit in
-/// (t_min, t_max], and of those that enter the surface; `rays` and maybe others are tested.
+/// Intersects a packet with a triangle: distances go to `t`. Returns bit masks of the rays that hit in (t_min, t_max],
+/// and of those that enter the surface. The masks may include rays that are not in `rays`.
 #[inline(always)]
 fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut Lanes) -> (u32, u32) {
     let (mut hits, mut entering) = (0, 0);
@@ -194,10 +195,10 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut 
 
 /// Work of a traversal at the leaves.
 trait Leaves {
-    /// Distance from the packet's rays within which other rays count, mm.
+    /// Distance from the packet's rays within which boxes count as met, mm.
     const ASIDE_MM: f32;
 
-    /// Meets a leaf with some rays of the packet.
+    /// Tests the triangles of a leaf against some rays of the packet.
     fn meet(&mut self, triangles: Range<usize>, rays: u32);
 }
 
@@ -212,7 +213,7 @@ pub(super) fn crossings(
     traverse(tree, packet, visits, &mut Crossings { tree, packet, found });
 }
 
-/// Test of the triangles themselves.
+/// The work of [`crossings`] at the leaves.
 struct Crossings<'a, F> {
     tree: &'a Tree<'a>,
     packet: &'a Packet,
@@ -259,7 +260,7 @@ pub(super) fn possible_crossings(
     traverse(tree, packet, visits, &mut PossibleCrossings { tree, packet, found });
 }
 
-/// Test of the triangles with the drift added.
+/// The work of [`possible_crossings`] at the leaves.
 struct PossibleCrossings<'a, F> {
     tree: &'a Tree<'a>,
     packet: &'a Packet,
@@ -303,7 +304,7 @@ impl<F: FnMut(usize, [f32; 2], u32)> Leaves for PossibleCrossings<'_, F> {
     }
 }
 
-/// Traverses the tree, and meets each leaf that rays of the packet meet.
+/// Traverses the tree, and calls [`Leaves::meet`] for each leaf that rays of the packet meet.
 #[inline(always)]
 fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, leaves: &mut L) {
     let visits = &mut visits.0;
@@ -326,7 +327,7 @@ fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, le
             let bottom = depth;
             for slot in 0..WIDTH {
                 let child = node.children[slot];
-                // Child 0 is missing, since the root is no child; a NaN ray meets missing ones, too.
+                // Child 0 marks an empty slot, since the root is no child. NaN rays meet empty slots, too.
                 if met.rays[slot] == 0 || child == 0 {
                     continue;
                 }

@@ -4,7 +4,7 @@ use super::traverse::{max, min, slack};
 use super::tree::{WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, fold};
 
-/// Ranges of origin and direction of a packet's rays, along one axis.
+/// Least and greatest values of the rays' origins and directions along one axis.
 #[derive(Debug, Clone, Copy)]
 struct Span {
     origin: [f32; 2],
@@ -18,7 +18,7 @@ struct Span {
 #[derive(Debug)]
 pub(super) struct PacketBounds {
     axes: [Span; 3],
-    /// False if any ray is not finite: any box may be met.
+    /// Whether all rays are finite. If not, every box counts as met.
     bounded: bool,
 }
 
@@ -34,8 +34,8 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl PacketBounds {
-    /// Bounds of the rays whose bits are set in `rays`, and of all rays within `aside_mm` of them. All search within
-    /// `first_mm` to `last_mm`.
+    /// Bounds of the rays whose bits are set in `rays`, and of all rays within `aside_mm` of them. The rays search
+    /// between `first_mm` and `last_mm` of distance.
     #[inline(always)]
     pub(super) fn new(
         [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
@@ -68,9 +68,10 @@ impl PacketBounds {
     }
 
     /// Bit mask of a node's children that a ray may meet from `first` to `last`. `nearest` receives a lower bound of
-    /// the entry distance of each.
+    /// the entry distance of each child.
     ///
-    /// Rounding is monotonic: a ray's distance to a side lies between the distances from the ends of the ranges.
+    /// Rounding is monotonic: a ray's distance to a side lies between the distances computed from the ends of the
+    /// spans.
     #[inline(always)]
     pub(super) fn meets(&self, node: &WideNode, [first, last]: [f32; 2], nearest: &mut [f32; WIDTH]) -> u32 {
         *nearest = [first; WIDTH];

@@ -20,7 +20,7 @@ use crate::params::Params;
 use crate::segment::Segment;
 use crate::tables::PackedTissue;
 
-/// Capacity for crossings behind the face.
+/// Capacity per path for crossings near its start: behind the face, and in front of it within reach of the gel film.
 pub(super) const CROSSINGS_BEHIND: usize = shared::CROSSINGS_BEHIND as usize;
 
 /// Inputs of path tracing.
@@ -44,7 +44,7 @@ pub(in crate::host) struct Scene<'a> {
 /// Change of medium along a path.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MediumChange {
-    /// Surfaces that the path was inside.
+    /// Surfaces that the path was inside before the interface.
     before: Inside,
     /// Tissue beyond, and whether its surface moves.
     there: u32,
@@ -57,13 +57,13 @@ pub(super) struct MediumChange {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NextInterface {
     At(MediumChange),
-    /// A search of the tree tells: candidates are missing, or the path has reflected.
+    /// Only a search of the tree tells: candidates are missing, or the path has reflected.
     Unknown,
-    /// The path ends before any.
+    /// The path ends before another interface.
     None,
 }
 
-/// Memory for coincident crossings.
+/// Working memory for coincident crossings.
 #[derive(Debug)]
 pub(super) struct Coincident {
     stack: Stack,
@@ -77,21 +77,21 @@ impl Coincident {
 }
 
 impl Scene<'_> {
-    /// Tissue of the medium at the state's position; outside all surfaces the background, or air beyond the film of
-    /// gel.
+    /// Tissue at the state's position, with [`MOVES`] if its surface moves. Outside of all surfaces it is the
+    /// background, or air beyond the film of gel.
     #[inline(always)]
     fn medium_word(&self, state: &PathState) -> u32 {
         let depth_mm = (state.origin - self.params.face_mm()).dot(self.params.scene_vector(Vec3::Z));
         medium_word(self.surface_words, self.params.outside(depth_mm), &state.inside)
     }
 
-    /// Parameters of departures.
+    /// Parameters of the interfaces' response.
     pub(super) fn rules(&self) -> Rules {
         let Self { effects, constants, params, .. } = *self;
         Rules { effects, constants, seed: params.seed, single: params.single(), aperture_mm: params.aperture_mm }
     }
 
-    /// The triangle that is the interface among coincident crossings: the first in the scene of those of the highest
+    /// Index of the interface's triangle among coincident crossings: the first, in the scene's order, of the highest
     /// surface.
     fn interface_of(&self, coincident: &[Crossing]) -> u32 {
         let order = |c: &&Crossing| {
@@ -113,7 +113,7 @@ impl Scene<'_> {
         film_reach_mm(self.params.film_mm, state.face_depth_mm, self.down(state))
     }
 
-    /// Depth below the face that a path gains per mm.
+    /// Depth that a path gains per mm of its length.
     #[inline(always)]
     fn down(&self, state: &PathState) -> f32 {
         state.direction.dot(self.params.scene_vector(Vec3::Z))
@@ -146,7 +146,7 @@ impl Scene<'_> {
         self.effects.aperture && !state.has_reflected
     }
 
-    /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes
+    /// Length of path per mm of range in the current medium. Range counts depth: the lens delays its middle, so echoes
     /// of oblique layers come no later.
     #[inline(always)]
     fn path_per_range(&self, state: &PathState) -> f32 {
@@ -156,21 +156,21 @@ impl Scene<'_> {
         state.stretch * if past_it { tissue.aperture_speed_ratio } else { tissue.speed_ratio }
     }
 
-    /// [`Self::path_per_range`] for the aperture, whose sound goes past hard bodies.
+    /// [`Self::path_per_range`] of the aperture's sound, which goes around hard bodies.
     #[inline(always)]
     fn aperture_path_per_range(&self, state: &PathState) -> f32 {
         let aperture_speed_ratio = self.tissues[state.here as usize].aperture_speed_ratio;
         if self.by_aperture(state) { state.stretch * aperture_speed_ratio } else { self.path_per_range(state) }
     }
 
-    /// Longest remaining path in its medium, mm; zero or less if the path has ended.
+    /// Length of path left to the image's depth if the medium does not change, mm; zero or less if the path has ended.
     #[inline(always)]
     pub(super) fn left_mm(&self, state: &PathState) -> f32 {
         if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
     }
 
-    /// Writes the segment that begins here. Segments beyond the capacity replace the last one: the stretch before them
-    /// counts as the medium before.
+    /// Writes the segment that begins at the path's position. Beyond the capacity it replaces the last segment, whose
+    /// stretch then counts as the medium before it.
     #[inline(always)]
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];
@@ -195,14 +195,15 @@ impl Scene<'_> {
         record.count = count as u32 + 1;
     }
 
-    /// The highest surface that the path is inside; 0 if none, since no surface is below the first.
+    /// Index of the highest surface that the path is inside; 0 if none, since no surface is below surface 0.
     #[inline(always)]
     pub(super) fn highest(state: &PathState) -> u32 {
         highest(&state.inside).unwrap_or(0)
     }
 
-    /// Advances the path to its nearest crossing, within [`Self::left_mm`], and applies the `covered` ones before it.
-    /// Returns the interface there if the medium changes.
+    /// Advances the path to `found`, its nearest crossing within [`Self::left_mm`], and applies the `covered` crossings
+    /// before it. Returns the change of medium there; `None` if the medium stays the same, or if the path ends after
+    /// too many crossings.
     #[inline(always)]
     pub(super) fn advance(
         &self,
@@ -221,7 +222,7 @@ impl Scene<'_> {
             state.open = false;
             return None;
         }
-        // Coincident crossings: that one, or a covered one that touches it, and all others within TOUCH_MM.
+        // Coincident crossings: `found` or a covered one that touches it, and all others within TOUCH_MM.
         let t = touching.first().map_or(found.crossing.t, |c| c.t.min(found.crossing.t));
         coincident.crossings[0] = found.crossing;
         let mut crossings = 1;
@@ -285,7 +286,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Collects the crossings of a path in a range of distances; returns their number.
+    /// Collects the crossings of a path from `least` to `most` mm ahead; returns their number.
     fn collect(
         &self,
         state: &mut PathState,
@@ -342,7 +343,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Continues a path beyond the interface `at`, and writes its next segment.
+    /// Continues a path from the interface `at` by reflection or transmission, and writes its next segment.
     #[inline(always)]
     pub(super) fn depart(
         &self,
@@ -371,7 +372,7 @@ impl Scene<'_> {
             state.here = at.there;
             let beyond = &self.tissues[at.there as usize];
             if self.by_aperture(state) && beyond.speed_ratio <= beyond.aperture_speed_ratio {
-                // Echoes from behind a fast body go past it, so the range that it took off is added again.
+                // Echoes from behind a fast body go around it, so the range that the path saved in it is added again.
                 state.range_mm += state.behind_mm;
                 state.behind_mm = 0.0;
             }
@@ -389,7 +390,7 @@ impl Scene<'_> {
         self.segment(state, record);
     }
 
-    /// Ends the record of a path.
+    /// Completes the record of a path that has ended.
     #[inline(always)]
     pub(super) fn end(&self, record: &mut PathRecord) {
         record.starts[record.count as usize] = BEYOND_MM;

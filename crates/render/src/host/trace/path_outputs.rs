@@ -4,22 +4,22 @@ use super::path_record::PathRecord;
 use crate::constants::{SEGMENTS, STARTS};
 use crate::segment::Segment;
 
-/// Outputs of a run of paths, in the shaders' layouts.
+/// Outputs of consecutive paths, in the shaders' layouts.
 #[derive(Debug)]
 pub(in crate::host) struct PathOutputs<'a> {
-    /// [paths × SEGMENTS]
+    /// Segments of each path, nearest first [paths × SEGMENTS].
     pub(in crate::host) segments: &'a mut [Segment],
-    /// [paths × STARTS]
+    /// Start of each segment, mm of range [paths × STARTS].
     pub(in crate::host) starts: &'a mut [f32],
-    /// [paths × SEGMENTS]
+    /// Echo at the start of each segment: amplitude, and range in mm [paths × SEGMENTS].
     pub(in crate::host) echoes: &'a mut [[f32; 2]],
-    /// [paths]
+    /// Bit set of the surfaces that each path starts inside `[paths]`.
     pub(in crate::host) starts_inside: &'a mut [[u32; 8]],
-    /// [paths]
+    /// One-way amplitude that the face passes, 0..=1 `[paths]`.
     pub(in crate::host) couplings: &'a mut [f32],
-    /// [paths × hint words]
+    /// Hints of [`PathRecord::hint`] [paths × hint words].
     pub(in crate::host) hints: &'a mut [u32],
-    /// [paths]
+    /// Number of segments of each path `[paths]`.
     pub(in crate::host) segment_counts: &'a mut [u32],
 }
 
@@ -33,7 +33,7 @@ impl PathOutputs<'_> {
         self.hints.len() / self.paths().max(1)
     }
 
-    /// The first `paths` paths, and the rest.
+    /// Splits off the outputs of the first `paths` paths.
     pub(in crate::host) fn split_at(self, paths: usize) -> (Self, Self) {
         let hint_words = self.hint_words();
         let (segments, segments_rest) = self.segments.split_at_mut(paths * SEGMENTS as usize);

@@ -18,7 +18,7 @@ use crate::host::lanes::{RAYS, bits};
 #[derive(Debug)]
 pub(super) struct PathPacket {
     records: [PathRecord; RAYS],
-    /// Lane of each path.
+    /// Lane that holds each path.
     lanes: [usize; RAYS],
     states: [PathState; RAYS],
     packet: Packet,
@@ -26,17 +26,17 @@ pub(super) struct PathPacket {
     stream: Stream,
     candidates: [Candidates; RAYS],
     covered: [Covered; RAYS],
-    /// Crossings behind the face, and just before it.
+    /// Per ray: surface crossings from behind the face to the reach of the gel film in front.
     near: [[Crossing; CROSSINGS_BEHIND]; RAYS],
     coincident: Coincident,
     batch: InterfaceBatch,
-    /// Path and change of medium of each arrival.
+    /// Lane and change of medium of each path in `batch`.
     changes: [(usize, MediumChange); RAYS],
-    /// First reflection of each path.
+    /// First reflection of each path, from which its axial path goes on; `None` without one.
     forks: [Option<Fork>; RAYS],
 }
 
-/// First reflection of a path, which its axial path passes.
+/// First reflection of a path. The axial path passes that interface.
 #[derive(Debug, Clone, Copy)]
 struct Fork {
     /// State on arrival.
@@ -71,7 +71,7 @@ impl PathPacket {
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, paths: Range<usize>) -> u32 {
         let count = paths.len().min(RAYS);
-        // Neighbours across the slice are neighbours in the packet: they meet the same boxes.
+        // Lanes are in elevational order, so that neighbouring lanes meet the same boxes.
         let mut order: [(f32, usize); RAYS] = std::array::from_fn(|i| (0.0, i));
         for (across_mm, i) in &mut order[..count] {
             *across_mm = scene.across_mm(paths.start + *i);
@@ -110,8 +110,8 @@ impl PathPacket {
         self.lanes[..count].iter().map(|&lane| &self.records[lane])
     }
 
-    /// Follows axial paths from where the paths of the last [`PathPacket::follow`] reflected; their records replace
-    /// those of the paths. Returns the number of crossings lost.
+    /// Follows axial paths from the first reflections of the last [`PathPacket::follow`]. Their records replace those
+    /// of the paths. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow_axial_paths(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
         self.batch.clear();
@@ -130,8 +130,8 @@ impl PathPacket {
     /// Follows open paths to their ends.
     #[inline(always)]
     fn go_on(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
-        // One bit for each path that waits for a search. They search together: the more there are, the less each waits for
-        // memory.
+        // One bit for each path that waits for a search. Waiting paths search together: the more there are, the less
+        // each waits for memory.
         let mut waiting = 0_u32;
         loop {
             let Self { states, stream, candidates, covered, coincident, batch, changes, .. } = self;
@@ -184,7 +184,7 @@ impl PathPacket {
             .sum()
     }
 
-    /// Continues the paths of the batch beyond their interfaces.
+    /// Continues the paths of the batch from their interfaces.
     #[inline(always)]
     fn depart(&mut self, scene: &Scene<'_>) {
         let Self { records, states, batch, changes, forks, .. } = self;

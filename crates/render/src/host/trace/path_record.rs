@@ -10,9 +10,9 @@ const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
 /// Recorded data of a path, in the device's layout.
 #[derive(Debug)]
 pub(super) struct PathRecord {
-    /// Surfaces that it starts inside.
+    /// Surfaces that the path starts inside.
     pub(super) starts_inside: [u32; 8],
-    /// Amplitude, one way, that the face passes into the body, 0..=1.
+    /// One-way amplitude that the face passes into the body, 0..=1.
     pub(super) coupling: f32,
     pub(super) starts: [f32; STARTS as usize],
     pub(super) segments: [Segment; SEGMENTS as usize],
@@ -21,7 +21,7 @@ pub(super) struct PathRecord {
     pub(super) hints: [u32; HINT_WORDS],
 }
 
-/// Copy of a path's last segment, to which its record can be taken back.
+/// Copy of a path's last segment: [`PathRecord::reopen`] takes the record back to it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LastSegment {
     count: u32,
@@ -49,15 +49,15 @@ impl PathRecord {
         LastSegment { count: self.count, segment: self.segments[at], start: self.starts[at], echo: self.echoes[at] }
     }
 
-    /// Takes back all segments after `last`.
+    /// Removes all segments after `last`.
     pub(super) fn reopen(&mut self, last: &LastSegment) {
         let at = last.count.saturating_sub(1) as usize;
         self.count = last.count;
-        // Further segments may have replaced it in a full record.
+        // In a full record, further segments may have replaced it.
         (self.segments[at], self.starts[at], self.echoes[at]) = (last.segment, last.start, last.echo);
     }
 
-    /// Records the segment that holds the first sample of each block, four blocks per word.
+    /// Records the index of the segment that holds the first sample of each hint block, four blocks per word.
     pub(super) fn hint(&mut self, params: &Params) {
         let spacing_mm = params.sample_spacing_mm;
         let (mut block, mut holds) = (0_u32, 0_usize);

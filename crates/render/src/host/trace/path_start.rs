@@ -5,17 +5,18 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 use super::path::Scene;
 use super::path_state::PathState;
 
-/// Number of a path among the paths of a batch.
+/// Ray and layer of a path.
 #[derive(Debug, Clone, Copy)]
 struct PathNumber {
-    /// Ray of a scanline [scanlines × rays].
+    /// Index of the ray in its layer [scanlines × rays]; of an axial path, the index of its scanline.
     line_ray: usize,
-    /// Layer of the frame; none for an axial path.
+    /// Layer of the frame; `None` for an axial path.
     layer: Option<usize>,
 }
 
 impl Scene<'_> {
-    /// Origin and direction of a path's first ray: the table's, moved across the slice.
+    /// Origin and direction of a path's first ray in the scene: ray `ray` of the table, with an elevational offset and
+    /// slope.
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
         let p = self.params;
         let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
@@ -23,7 +24,7 @@ impl Scene<'_> {
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    /// Number of path `path` among the paths of a batch. Axial paths come after the paths of all layers.
+    /// Ray and layer of path `path` of the batch. Axial paths come after the paths of all layers.
     fn number(&self, path: usize) -> PathNumber {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;

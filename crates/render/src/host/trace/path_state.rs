@@ -13,13 +13,13 @@ pub(super) struct PathState {
     /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
     /// reflected paths miss.
     pub(super) is_axial: bool,
-    /// Length per mm of depth in its layer.
+    /// Length of the path per mm of depth.
     pub(super) stretch: f32,
     /// Depth of its start below the apex of the face, mm; negative on a convex face.
     pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
-    /// Its progress along its candidates, up to its first reflection.
+    /// Progress along the path's candidate triangles, up to its first reflection.
     pub(super) along: Along,
     pub(super) inside: Inside,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
@@ -27,13 +27,13 @@ pub(super) struct PathState {
     pub(super) in_power: f32,
     pub(super) here: u32,
     pub(super) range_mm: f32,
-    /// Range that this path saved in fast hard bodies, mm. Sound of the aperture goes past such bodies and saves none.
+    /// Range that this path saved in fast hard bodies, mm. The aperture's sound goes around such bodies and saves none.
     pub(super) behind_mm: f32,
     pub(super) ln_amplitude: f32,
-    /// ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
-    /// half of an interface's loss; this is the other half.
+    /// ln of an amplitude factor of the scatterers alone. Their powers add over the paths, so the random choice of
+    /// reflection makes half of an interface's loss in nepers; this is the other half.
     pub(super) ln_scatter: f32,
-    /// ln of the amplitude, two-way, of a wave that passes every interface.
+    /// ln of the two-way amplitude of a wave that passes every interface.
     pub(super) ln_passed: f32,
     /// Whether the path has reflected.
     pub(super) has_reflected: bool,
@@ -47,6 +47,6 @@ pub(super) struct PathState {
     pub(super) open: bool,
     /// Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     pub(super) carried_mm: Vec3,
-    /// Crossings that found no room.
+    /// Number of crossings lost for lack of room.
     pub(super) lost: u32,
 }

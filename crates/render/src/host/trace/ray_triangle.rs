@@ -1,4 +1,4 @@
-//! A ray and a triangle: `shaders/shared/bvh.wgsl`.
+//! Intersection of a ray with a triangle, as in `shaders/shared/bvh.wgsl`.
 
 use glam::Vec3;
 
@@ -11,7 +11,8 @@ pub(super) const DRIFT_MM: f32 = 8.0e-3;
 /// A ray against a triangle's plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayTriangle {
-    /// Distance along the ray of its point nearest to the first corner, and from there to the plane, times `magnitude`.
+    /// Distance along the ray to its point nearest to the first corner, mm. From there to the plane it is `rest` /
+    /// `magnitude`.
     pub(super) t0: f32,
     pub(super) rest: f32,
     /// Barycentric coordinates of the second and third corner, times `magnitude`.
@@ -53,7 +54,7 @@ impl RayTriangle {
         self.t0 + self.rest / at_least(self.magnitude, 1.0e-30)
     }
 
-    /// Tolerance of a triangle's edges at this distance.
+    /// Tolerance of a triangle's edges at this distance, in the units of `u` and `v`.
     #[inline(always)]
     pub(super) fn tolerance(&self, triangle: &PackedTriangle) -> f32 {
         triangle.tolerance * (self.t0.abs() + 100.0)
@@ -76,22 +77,23 @@ pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: V
     (met.t(), hit, met.enters)
 }
 
-/// Distances between which rays within [`DRIFT_MM`] of a ray may hit a triangle, and whether any of them may.
+/// Least and greatest distance, mm, at which rays within [`DRIFT_MM`] of this ray may hit a triangle, and whether any
+/// of them may.
 #[inline(always)]
 pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, f32, bool) {
     /// Distance at which the tolerance of an edge is two drifts: one of them along each edge.
     const DRIFTED_MM: f32 = 2.0 * DRIFT_MM / EDGE_TOLERANCE_PER_MM;
     let met = RayTriangle::new(triangle, origin, direction);
-    // A triangle that the ray grazes is possible, too: its magnitude does not count.
+    // A triangle that the ray grazes is possible, too: a small magnitude excludes none.
     let hit = met.within(triangle.tolerance * (met.t0.abs() + (100.0 + DRIFTED_MM)));
     let per_magnitude = 1.0 / at_least(met.magnitude, 1.0e-30);
     let t = met.t0 + met.rest * per_magnitude;
-    // A drift moves the point of the plane by its length over the cosine. The triangle's normal has at most the length of
-    // the longest edge, squared.
+    // A drift moves the intersection along the ray by up to its length over the cosine of incidence. The cross product
+    // of two edges is at most the longest edge squared.
     let longest_mm = triangle.tolerance * (1.001 / EDGE_TOLERANCE_PER_MM);
     let error_mm = DRIFT_MM * (1.0 + longest_mm * longest_mm * per_magnitude);
-    // A point within the tolerance of the edges lies within three of the longest edge. These bounds are numbers if the
-    // others are not.
+    // A point within the tolerance of the edges is within three longest edges of the first corner. These bounds are
+    // numbers, even if the others are NaN.
     let around_mm = 3.0 * longest_mm + DRIFT_MM;
     (at_least(t - error_mm, met.t0 - around_mm), at_most(t + error_mm, met.t0 + around_mm), hit)
 }
@@ -99,9 +101,9 @@ pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direct
 /// How a ray meets a triangle.
 pub(super) enum Hit {
     Misses,
-    /// Within the tolerance of an edge.
+    /// At a distance in mm, within the tolerance of an edge.
     AtEdge(f32),
-    /// Distance in mm, and whether it enters.
+    /// At a distance in mm; whether the ray enters the surface.
     Inside(f32, bool),
 }
 

@@ -1,5 +1,6 @@
-//! Crossings of a packet's rays: `shaders/shared/collect.wgsl`, and the choice of the nearest one as in `nearest.wgsl`,
-//! except for surfaces below the medium. Each ray finds the same crossings as if traced alone.
+//! Crossings of a packet's rays, as in `shaders/shared/collect.wgsl`. The nearest one is chosen as in `nearest.wgsl`,
+//! except that surfaces below the medium's, of lower index, are kept apart. Each ray finds the same crossings as if
+//! traced alone.
 
 use super::packet::{Packet, Visits, crossings};
 use super::traverse::{Crossing, Nearest, Tree, by_distance};
@@ -10,7 +11,7 @@ use crate::host::lanes::RAYS;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Search {
     t_max: f32,
-    /// The nearest one so far.
+    /// The nearest crossing so far.
     pub(super) nearest: Option<Nearest>,
 }
 
@@ -26,14 +27,14 @@ impl Search {
         self.nearest.map_or(self.t_max, |nearest| nearest.crossing.t)
     }
 
-    /// Adds a crossing, in any order; one of a surface `below` the medium goes to `covered`.
+    /// Adds a crossing, in any order. If its surface is `below` the medium's, it goes to `covered`.
     #[inline(always)]
     pub(super) fn add(&mut self, mut crossing: Crossing, below: bool, covered: &mut Covered) {
         if below {
             if crossing.t > self.reach_mm() + TOUCH_MM {
                 return;
             }
-            // A crossing without room counts as any other.
+            // A covered crossing without room counts as one of another surface.
             match covered.push(crossing) {
                 None => return,
                 Some(other) => crossing = other,
@@ -53,7 +54,7 @@ impl Search {
     }
 }
 
-/// Crossings of a ray that do not change the medium: those of surfaces below the medium's.
+/// Crossings of a ray with surfaces below the medium's: they don't change the medium.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Covered {
     crossings: [Crossing; Self::MOST],

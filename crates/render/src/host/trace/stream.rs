@@ -18,7 +18,7 @@ struct RaySearch {
     slack_mm: f32,
     highest: u32,
     found: Search,
-    /// Node or leaf that is next.
+    /// Node or leaf to visit next.
     child: u32,
     stack: Stack,
     depth: usize,
@@ -47,7 +47,7 @@ impl Stream {
         Self { rays: std::array::from_fn(|_| ray_search()), open: 0 }
     }
 
-    /// Adds a ray that searches for its nearest crossing in (t_min, t_max]. Crossings of surfaces below
+    /// Adds a ray that searches for its nearest crossing in (t_min, t_max]. Crossings of surfaces below surface
     /// `highest` go to its lane of `covered`.
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, ray: Ray, [t_min, t_max]: [f32; 2], highest: u32) {
@@ -58,8 +58,8 @@ impl Stream {
         self.open |= 1 << lane;
     }
 
-    /// Ends all searches. Crossings of surfaces below the medium are in `covered`, unsorted: all of those up to
-    /// [`TOUCH_MM`](crate::host::constants::TOUCH_MM) beyond the nearest crossing, and maybe farther ones.
+    /// Runs all searches to their ends. Crossings of surfaces below the medium's are in `covered`, unsorted: all of
+    /// them up to [`TOUCH_MM`](crate::host::constants::TOUCH_MM) beyond the nearest crossing, and maybe farther ones.
     #[inline(always)]
     pub(super) fn search(&mut self, tree: &Tree<'_>, covered: &mut [Covered; RAYS]) {
         for lane in bits(self.open) {
@@ -74,7 +74,7 @@ impl Stream {
         }
     }
 
-    /// The nearest crossing of the last search of a lane.
+    /// The nearest crossing found by the last search of a lane; `None` without one.
     #[inline(always)]
     pub(super) fn nearest(&self, lane: usize) -> Option<Nearest> {
         self.rays[lane].found.nearest
@@ -82,7 +82,7 @@ impl Stream {
 }
 
 impl RaySearch {
-    /// Visits the next node or leaf; returns whether others are left.
+    /// Visits the next node or leaf. Returns whether others are left to visit.
     #[inline(always)]
     fn go_on(&mut self, tree: &Tree<'_>, covered: &mut Covered) -> bool {
         let stack = self.stack.entries();
@@ -95,7 +95,7 @@ impl RaySearch {
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
-                // Child 0 is missing, since the root is no child; a NaN ray meets missing ones, too.
+                // Child 0 marks an empty slot, since the root is no child. NaN rays meet empty slots, too.
                 if node.children[slot] == 0 {
                     continue;
                 }

@@ -7,10 +7,10 @@ use insonify_core::simd::prefetch;
 use super::ray_triangle::intersection;
 use super::tree::{LEAF, WIDTH, WideNode};
 
-/// A node leaves at most seven of its children on the stack.
+/// Stack capacity: each level leaves at most seven of a node's children pending.
 const STACK: usize = (WIDTH - 1) * STACK_DEPTH_MAX + WIDTH;
 
-/// A tree and its triangles, in the order of `anatomy::Bvh`.
+/// A tree of boxes and its triangles, in the order of `anatomy::Bvh`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tree<'a> {
     pub(crate) nodes: &'a [WideNode],
@@ -29,7 +29,7 @@ impl Stack {
         Self([(0.0, 0); STACK])
     }
 
-    /// The pending visits, and room for more.
+    /// Memory of the pending visits.
     #[inline(always)]
     pub(super) fn entries(&mut self) -> &mut [(f32, u32); STACK] {
         &mut self.0
@@ -69,7 +69,7 @@ pub(crate) struct Crossing {
     pub(crate) enters: bool,
 }
 
-/// By distance, then by triangle.
+/// Orders crossings by distance, then by triangle.
 pub(in crate::host) fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
     a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle))
 }
@@ -94,15 +94,15 @@ pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// [`intersection`] of one ray: distance, and whether it enters.
+/// Distance to a triangle, mm, and whether the ray enters its surface; `None` if the ray misses.
 #[inline(always)]
 pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
     let (t, hit, enters) = intersection(triangle, ray.origin, ray.direction);
     hit.then_some((t, enters))
 }
 
-/// Bit mask of the children that the ray meets from `first` to `last`, or would if it were moved by `aside_mm`. `near`
-/// receives the entry distances.
+/// Bit mask of the children that the ray, or one within `aside_mm` of it, meets from `first` to `last`. `near` receives
+/// the entry distances, mm.
 #[inline(always)]
 pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, aside_mm: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
@@ -134,14 +134,14 @@ pub(super) fn slack(t_min: f32, t_max: f32) -> f32 {
     1.0e-3 + 1.0e-6 * max(t_min.abs(), t_max.abs())
 }
 
-/// Triangles of a leaf.
+/// Range of a leaf's triangles.
 #[inline(always)]
 pub(super) fn leaf(child: u32) -> std::ops::Range<usize> {
     let first = ((child & !LEAF) >> 2) as usize;
     first..first + (child & 3) as usize
 }
 
-/// Asks for the memory of a child that will be visited.
+/// Prefetches the memory of a child that will be visited.
 #[inline(always)]
 pub(super) fn prefetch_child(tree: &Tree<'_>, child: u32) {
     if child & LEAF == 0 {
@@ -176,7 +176,7 @@ pub(crate) fn collect(
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
-                // Child 0 is missing, since the root is no child; a NaN ray meets missing ones, too.
+                // Child 0 marks an empty slot, since the root is no child. NaN rays meet empty slots, too.
                 if node.children[slot] != 0 {
                     stack[depth].1 = node.children[slot];
                     depth += 1;
