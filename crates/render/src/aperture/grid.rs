@@ -26,10 +26,10 @@ pub(crate) const PLANES_MAX: usize = 128;
 
 /// Largest distance between depth planes, mm, unless the image is deeper than [`PLANES_MAX`] such distances.
 const PLANE_MM: f64 = 3.33;
-/// Largest cell along the face, mm: on flat faces, on curved ones. Cells of a curved face widen with depth, and rays
-/// leave it at steep angles.
+/// Largest cell along the face, mm: on flat faces, then on curved ones. Cells of a curved face widen with depth, and
+/// rays leave it at steep angles.
 const CELL_MM: [f64; 2] = [0.28125, 0.135];
-/// Largest distance between beams along the face, mm: on flat faces, on curved ones.
+/// Largest distance between beams along the face, mm: on flat faces, then on curved ones.
 const BEAM_MM: [f64; 2] = [0.5625, 0.45];
 /// Most cells from one beam's axis to the next.
 const BEAM_CELLS_MAX: usize = 4;
@@ -49,7 +49,7 @@ const REACH_PER_DEPTH: f64 = 0.11;
 const HALVING_SPREAD: f64 = 2.0;
 /// Most rays of a layer (elevational part of the beam) that are taken for one cell.
 const CELL_RAYS_MAX: u32 = 32;
-/// Least fraction of a ray's part of the face within a cell for which the ray counts there.
+/// A ray counts in a cell only if at least this fraction of its part of the face lies there.
 const CELL_PART_MIN: f64 = 1.0e-3;
 
 /// Sizes of the grid, in the terms of [`ApertureTables`](super::ApertureTables).
@@ -206,7 +206,7 @@ impl Grid {
         self.cell_of((f64::from(line) + 0.5) / f64::from(probe.scanlines))
     }
 
-    /// Position of a fraction of the sector's width, in cells.
+    /// Position along the face, in cells, at a fraction of the sector's width.
     fn cell_of(&self, fraction: f64) -> f64 {
         (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.sampling.cells as f64
     }
@@ -214,7 +214,7 @@ impl Grid {
     /// Rays of a layer that cross each cell: at most [`CELL_RAYS_MAX`] per cell, spread evenly.
     pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<CellRays> {
         let all = f64::from(probe.scanlines * rays_per_line);
-        // Of the face, divided into `all` equal parts, ray i stands for the i-th.
+        // Ray i stands for the i-th of `all` equal parts of the face.
         let ray_of = |cell: f64| ((cell - 0.5 * self.sampling.cells as f64) * self.cell_mm / self.width_mm + 0.5) * all;
         let of_cell = |cell: usize| {
             let (from, to) = (ray_of(cell as f64 - 0.5).max(0.0), ray_of(cell as f64 + 0.5).min(all));

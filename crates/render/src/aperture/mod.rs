@@ -40,8 +40,8 @@ pub(crate) struct ApertureTables {
     /// Mode number in each slot; if odd modes end at a depth, even ones come first. `None` pads to whole groups of
     /// [`MODE_LANES`].
     pub(crate) modes: Vec<Option<i32>>,
-    /// Factor by which each spatial frequency propagates from one plane to the next, over the number of cells [planes ×
-    /// cells].
+    /// Factor by which each spatial frequency propagates from one plane to the next, divided by the number of cells
+    /// [planes × cells].
     pub(crate) steps: Vec<Complex>,
     /// Weight of each mode in the transmit beam whose axis is at x = 0 `[modes]`.
     pub(crate) transmit: Vec<Complex>,
@@ -53,8 +53,8 @@ pub(crate) struct ApertureTables {
     pub(crate) reach_cells: Vec<f32>,
     /// Greatest echo power of any beam without obstacles `[planes]`.
     pub(crate) greatest: Vec<f32>,
-    /// Echo power of each beam without obstacles, over `greatest` [planes × cells]. A row begins with one value per
-    /// node, or beam axis; the others are 0.
+    /// Echo power of each beam without obstacles, relative to `greatest` [planes × cells]. Each row begins with one
+    /// value per beam axis (node); the rest is 0.
     pub(crate) shares: Vec<f32>,
     /// Two-way amplitude of an unobstructed beam at offsets from its axis, one cell apart [planes × offsets].
     pub(crate) profiles: Vec<f32>,

@@ -11,8 +11,8 @@ use super::grid::Grid;
 pub(super) struct Unobstructed {
     /// Greatest echo power of any beam at each depth plane `[planes]`.
     pub(super) greatest: Vec<f64>,
-    /// Echo power of each beam over `greatest` [planes × cells]: lower at the ends of the array. A row begins with one
-    /// value per node, or beam axis; the others are 0.
+    /// Echo power of each beam relative to `greatest` [planes × cells]: lower at the ends of the array. Each row begins
+    /// with one value per beam axis (node); the rest is 0.
     pub(super) shares: Vec<f64>,
     /// Two-way amplitude of the middle beam at offsets from its axis, one cell apart [planes × offsets].
     pub(super) profiles: Vec<f64>,

@@ -60,8 +60,8 @@ impl<'a> Run<'a> {
         Self { ends, segments, at, samples_per_mm: 1.0 / params.sample_spacing_mm }
     }
 
-    /// Returns the segment that holds `sample`, and the sample up to which it does so, exclusive: at most `last`.
-    /// Samples must not decrease from call to call. Two samples share the first's segment.
+    /// Returns the segment that holds `sample`, and the first sample beyond that segment, at most `last`. Samples must
+    /// not decrease from call to call. Two samples share the first's segment.
     #[inline(always)]
     pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a Segment, u32) {
         let range = range_mm(params, sample);

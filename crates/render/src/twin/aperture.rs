@@ -13,9 +13,9 @@ pub struct Aperture {
     pub planes: usize,
     /// Length of a depth interval, mm.
     pub plane_mm: f64,
-    /// Number of beams in a period of the modes, the waves along the face that make up the beams.
+    /// Number of beams in a period of the modes. Modes are waves along the face that add up to the beams.
     pub beams: usize,
-    /// Cells from one node, or beam axis, to the next `[planes]`.
+    /// Cells from one beam axis (node) to the next `[planes]`.
     pub node_cells: Vec<usize>,
     /// Difference of neighbouring mode numbers `[planes]`: 2 where the odd modes have ended, else 1.
     pub mode_stride: Vec<i32>,
@@ -23,8 +23,8 @@ pub struct Aperture {
     pub mode_count: Vec<usize>,
     /// Mode number in each slot; `None` pads.
     pub modes: Vec<Option<i32>>,
-    /// Factor by which each spatial frequency propagates from one plane to the next, over the number of cells [planes ×
-    /// cells].
+    /// Factor by which each spatial frequency propagates from one plane to the next, divided by the number of cells
+    /// [planes × cells].
     pub steps: Vec<DVec2>,
     /// Weight of each mode in the transmit beam.
     pub transmit: Vec<DVec2>,
@@ -36,7 +36,7 @@ pub struct Aperture {
     pub reach_cells: Vec<f64>,
     /// Greatest echo power of any beam without obstacles `[planes]`.
     pub greatest: Vec<f64>,
-    /// Echo power of each beam without obstacles, over `greatest` [planes × cells].
+    /// Echo power of each beam without obstacles, relative to `greatest` [planes × cells].
     pub shares: Vec<f64>,
     /// Two-way amplitude of an unobstructed beam at offsets from its axis, one cell apart [planes × offsets].
     pub profiles: Vec<f64>,

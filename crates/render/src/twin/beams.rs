@@ -17,8 +17,8 @@ pub fn amplitudes(aperture: &Aperture, fields: &[DVec2]) -> Vec<f64> {
     (0..aperture.planes).into_par_iter().flat_map_iter(of_plane).collect()
 }
 
-/// Echo power of the beam at each node, or beam axis, over the greatest one without obstacles [planes × cells]. A row
-/// begins with one value per node; the others are 0.
+/// Echo power of each beam relative to the greatest one without obstacles [planes × cells]. Each row begins with one
+/// value per beam axis (node); the rest is 0.
 pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
     let power = |plane: usize, axis: usize| {
         if axis >= aperture.nodes(plane) {

@@ -117,8 +117,8 @@ pub struct Inputs {
     pub layers: usize,
     /// Elevational position of each path of a scanline [layers × rays_per_line].
     pub elevations: Vec<Elevation>,
-    /// Number of axial paths, which set where the scatterers lie: one per scanline, stored after the paths of all
-    /// layers. 0 if the frame needs none.
+    /// Number of axial paths, which set where the scatterers lie: one per scanline, or 0 if the frame needs none. They
+    /// are stored after the paths of all layers.
     pub axial_paths: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,

@@ -14,7 +14,7 @@ use crate::constants::NEIGHBOUR_GAIN_MAX;
 /// later. Without the aperture, the weights within are scaled to the sum of all.
 ///
 /// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes of reflected paths don't
-/// carry that gain: where both scanlines hold some, the own gain counts as at least the weaker scanline's amplitude by
+/// carry that gain. Where both scanlines hold some, the own gain counts as at least the weaker scanline's amplitude by
 /// reflections.
 ///
 /// `gains` and `reflected` are [scanlines × blocks], `profiles` [planes × scanlines]; all are empty without the

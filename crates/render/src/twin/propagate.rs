@@ -1,5 +1,5 @@
-//! Propagation of the modes (waves along the face) from plane to plane through the transmission and the delays of the
-//! scan plane, by plain Fourier sums.
+//! Propagation of the modes (waves along the face) from plane to plane, by plain Fourier sums. They pass the
+//! transmission and the delays of the scan plane.
 
 use glam::DVec2;
 use rayon::prelude::*;

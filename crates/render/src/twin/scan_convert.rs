@@ -1,4 +1,4 @@
-//! From scanlines to pixels.
+//! Conversion from scanlines to pixels.
 
 use super::inputs::Inputs;
 use super::section::RasterPoint;

@@ -38,7 +38,7 @@ pub struct Sections {
     pub raster: Vec<RasterPoint>,
 }
 
-/// The media along every map ray. Rays are straight: maps show the anatomy in the image plane, without refraction. A ray
+/// The media along every map ray. Rays are straight: maps show the anatomy in the scan plane, without refraction. A ray
 /// whose part of the face is not coupled is all air.
 pub fn section(inputs: &Inputs) -> Sections {
     let runs: Vec<Vec<Run>> = (0..inputs.map_rays.len()).into_par_iter().map(|ray| runs_of(inputs, ray)).collect();

@@ -184,8 +184,8 @@ impl<'a> ApertureGain<'a> {
         self.row[low].ln_gain * (1.0 - part) + self.row[low + 1].ln_gain * part
     }
 
-    /// ln of the two-way amplitude factor of the echo at the end of segment `arrived` of a path: the aperture's gain
-    /// before obstacles that the path has not crossed yet.
+    /// ln of the two-way amplitude factor of the echo at the end of segment `arrived` of a path. It is the aperture's
+    /// gain before obstacles that the path has not crossed yet.
     pub(super) fn at_interface(&self, path: &Path, arrived: usize) -> f64 {
         let range_mm = path.segments[arrived + 1].start_mm;
         // The path's loss before its interface.

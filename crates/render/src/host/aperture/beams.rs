@@ -18,8 +18,8 @@ pub(in crate::host) struct Beams<'a> {
     /// Two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Planes before the first
     /// obstacle are not filled.
     pub(in crate::host) amplitudes: &'a mut [f32],
-    /// Echo power of the beam at each node, or beam axis, over the greatest one without obstacles [planes × cells]. A
-    /// row begins with one value per node; the others are 0.
+    /// Echo power of each beam relative to the greatest one without obstacles [planes × cells]. Each row begins with
+    /// one value per beam axis (node); the rest is 0.
     pub(in crate::host) powers: &'a mut [f32],
 }
 
@@ -51,7 +51,7 @@ pub(in crate::host) fn beams(
 }
 
 widened_to_eight! {
-    /// One plane.
+    /// Sums the modes to beams at one plane.
     fn sum_plane(
         constants: ImageConstants, tables: &ApertureTables, roots: &Roots, plane: usize, fields: &[f32],
         work: &mut [Wide], amplitudes: &mut [f32], row: &mut [f32],

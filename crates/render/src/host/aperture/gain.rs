@@ -74,7 +74,8 @@ struct Interval {
 }
 
 impl Interval {
-    /// Loss of this scanline less the loss common to all scanlines, one-way nepers; at least 0.
+    /// The scanline's own loss in the interval: its loss less the loss that all scanlines share, one-way nepers; at
+    /// least 0.
     #[inline(always)]
     fn own_np(&self) -> f32 {
         at_least(self.total_np - self.row_np, 0.0)
@@ -206,8 +207,7 @@ impl<'a> InterfaceGains<'a> {
     }
 
     /// ln of the two-way amplitude factor of an interface's echo: the aperture's gain before obstacles that the path
-    /// has not crossed yet. The interface begins segment `arrived` + 1. Calls follow the path: `arrived` never
-    /// decreases.
+    /// has not crossed yet. The interface begins segment `arrived` + 1; `arrived` must not decrease from call to call.
     #[inline(always)]
     pub(in crate::host) fn at(&mut self, arrived: usize) -> f32 {
         let range_mm = self.starts[arrived + 1];

@@ -32,7 +32,7 @@ pub(in crate::host) struct Profiles<'a> {
     /// Extra weights, added to the kernel times the blend's factor [planes × scanlines × (2·lateral_half + 1)]. They
     /// are zero outside of the blend's taps, and undefined if it has none.
     pub(in crate::host) weights: &'a mut [f32],
-    /// [planes × scanlines]
+    /// Blend of each scanline at each plane [planes × scanlines].
     pub(in crate::host) blends: &'a mut [Blend],
 }
 
@@ -61,7 +61,7 @@ pub(in crate::host) fn profiles(
 }
 
 widened_to_eight! {
-    /// One plane.
+    /// Makes the profiles of one plane.
     fn weigh_plane(
         beams: &PlaneBeams<'_>, kernel_power: f32, weights: &mut [f32], blends: &mut [Blend],
     ) = weigh_plane_body

@@ -76,7 +76,7 @@ pub(in crate::host) fn propagate(
 }
 
 widened_to_eight! {
-    /// A group of modes.
+    /// Propagates a group of modes.
     fn propagate_group(
         tables: &ApertureTables, propagation: &Propagation, group: usize, first: usize, mask: &[[f32; 2]],
         work: &mut [Wide], fields: &mut [f32],

@@ -1,5 +1,5 @@
-//! Transmission of the scan plane: the amplitude that each cell passes in each depth interval, and its delay, from the
-//! loss and the speed along the paths.
+//! Transmission of the scan plane: for each cell and depth interval, the amplitude that passes, and its delay. Both
+//! come from the paths.
 
 use insonify_core::simd::{at_least, at_most, exp, phasor, widened};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ pub(in crate::host) struct Transmission<'a> {
     /// Amplitude that each cell passes over the greatest of its row, with the phase of its delay relative to the middle
     /// cell [planes × cells].
     pub(in crate::host) mask: &'a mut [[f32; 2]],
-    /// Loss of each row's best cell, one-way nepers `[planes]`.
+    /// Loss of the best cell of each plane's row, one-way nepers `[planes]`.
     pub(in crate::host) row_np: &'a mut [f32],
 }
 

@@ -2,8 +2,8 @@
 //! without loss.
 //!
 //! A scanline's position is the fractional index of the depth plane whose gain applies. It follows the scanline's own
-//! loss: before an obstacle it stays at the plane before it, behind the obstacle at the plane behind, wherever in an
-//! interval the obstacle lies.
+//! loss. Before an obstacle it stays at the plane before it, behind the obstacle at the plane behind, wherever the
+//! obstacle lies in its interval.
 
 use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ pub(in crate::host) fn visibility(params: &Params, inputs: Inputs<'_>, into: Gai
 }
 
 widened! {
-    /// One scanline.
+    /// Fills in the gains along one scanline.
     fn see_line(
         params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain],
     ) = see_line_body
@@ -91,7 +91,7 @@ fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), 
     for (interval, &row_np) in row_np.iter().enumerate() {
         let (from, to) = (interval as f32 * plane_mm, (interval + 1) as f32 * plane_mm);
         let begins_np = row[interval].loss_np;
-        // Integral of the loss over the interval, by trapezoids over the path's segments.
+        // Integral over the interval of the loss since its start, by trapezoids over the path's segments.
         let (mut low, mut area) = (from, 0.0);
         loop {
             while starts[at + 1] <= low {

@@ -65,7 +65,7 @@ pub(crate) fn detect(
 }
 
 widened! {
-    /// One scanline.
+    /// Processes one scanline.
     fn detect_row(
         params: &Params, constants: ImageConstants, pulse: &[f32], gain: &[f32], row: &[f32], polar: &mut [u32],
         lines: &mut [f32],

@@ -165,7 +165,7 @@ fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
 }
 
 widened! {
-    /// One scanline.
+    /// Focuses one scanline.
     fn focus_row(
         params: &Params, beam: LateralBeam<'_>, line: usize, amplitudes: &[f32], baseband: &[f32], row: &mut [f32],
     ) = focus_row_body

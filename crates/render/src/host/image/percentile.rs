@@ -7,8 +7,8 @@ use crate::params::Params;
 /// Number of partial sums.
 const LANES: usize = 8;
 
-/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies, from the runs of the map
-/// rays [map_rays × ENTRIES] and their counts. Found by bisection on Σμ, which never falls along a ray.
+/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies. The inputs are the map
+/// rays' runs [map_rays × ENTRIES] and their counts. Found by bisection on Σμ, which never falls along a ray.
 pub(crate) fn percentile(
     params: &Params,
     constants: ImageConstants,

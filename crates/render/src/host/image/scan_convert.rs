@@ -97,14 +97,14 @@ pub(crate) fn scan_convert(params: &Params, layout: &Layout, polar: &[u32], maps
 }
 
 widened! {
-    /// A band of rows without maps.
+    /// Converts a band of rows without maps.
     fn convert_band(
         params: &Params, layout: &Layout, words: &Range<usize>, polar: &[u32], bmode: &mut [u8],
     ) = convert_band_body
 }
 
 widened! {
-    /// A band of rows with maps.
+    /// Converts a band of rows with maps.
     fn convert_band_with_maps(
         params: &Params, layout: &Layout, words: &Range<usize>, polar: &[u32], maps: &Maps<'_>, bmode: &mut [u8],
         segmentation: &mut [u8], attenuation: &mut [f32],

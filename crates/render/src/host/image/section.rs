@@ -44,8 +44,8 @@ pub(crate) struct Section<'a> {
     pub(crate) entries: &'a mut [[f32; 4]],
     /// Number of runs of each ray.
     pub(crate) entry_counts: &'a mut [u32],
-    /// One word per map_step_mm of depth [map_rays × map_depths]. It holds the bits of Σμ without the sign and the
-    /// lowest 8, a bit that is set if the run reaches the next depth, and the tissue.
+    /// One word per map_step_mm of depth [map_rays × map_depths]: bits of Σμ, without the sign and the lowest 8; a bit
+    /// that is set if the run reaches the next depth; the tissue.
     pub(crate) raster: &'a mut [u32],
 }
 

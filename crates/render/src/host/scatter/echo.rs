@@ -97,7 +97,7 @@ pub(in crate::host) fn echo(
 }
 
 widened! {
-    /// One scanline.
+    /// Adds the echoes of one scanline.
     fn add_line(
         params: &Params, constants: ImageConstants, interfaces: &Interfaces<'_>, line: u32, row: &mut [[f32; 2]],
     ) = add_line_body

@@ -64,7 +64,7 @@ pub(in crate::host) fn march(params: &Params, paths: Paths<'_>, scatterers: Scat
 }
 
 widened! {
-    /// One scanline.
+    /// Computes the echoes of one scanline.
     fn march_row(
         params: &Params, paths: &Paths<'_>, scatterers: &Scatterers<'_>, line: u32, row: &mut [[f32; 2]],
         reflected: &mut [f32], kept: &mut [[f32; 3]],

@@ -8,7 +8,7 @@ use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::{Params, SheetFamily};
 use crate::segment::Segment;
 
-/// Numbers of a [`View`] that tell where a sample's scatterers lie.
+/// Number of values of [`View::of`], which tell where a sample's scatterers lie.
 const VIEW_NUMBERS: usize = 8;
 
 /// Amplitude and density of the scatterers at a block of samples, averaged over the paths.

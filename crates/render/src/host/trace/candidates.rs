@@ -119,7 +119,7 @@ impl Candidates {
     }
 
     /// The nearest crossing in (t_min, t_max] of a ray at a position of the path, as by a search of all triangles;
-    /// `Some(None)` if there is none. `None` if candidates may be missing, or if an edge decides.
+    /// `Some(None)` if there is none. `None` if candidates may be missing, or if a hit lies within an edge's tolerance.
     #[inline(always)]
     pub(super) fn nearest(
         &self,
@@ -159,8 +159,9 @@ impl Candidates {
         self.complete(along, search.reach_mm() + TOUCH_MM).then_some(search.nearest)
     }
 
-    /// Collects every crossing in (t_min, t_max] of a ray at a position of the path, unsorted. Returns their number;
-    /// `None` if candidates may be missing, if an edge decides, or if there are more than `into` holds.
+    /// Collects every crossing in (t_min, t_max] of a ray at a position of the path, unsorted. Returns their number.
+    /// `None` if candidates may be missing, if a hit lies within an edge's tolerance, or if there are more than `into`
+    /// holds.
     pub(super) fn collect(
         &self,
         tree: &Tree<'_>,
@@ -194,8 +195,8 @@ impl Candidates {
 }
 
 /// Collects the candidates of a packet's rays up to their `length_mm`. Also collects their crossings from t_min to
-/// `near_mm` into `near`, unsorted, and returns the number of these per ray. `None` if an edge decides about one of
-/// those crossings, or if they don't fit.
+/// `near_mm` into `near`, unsorted, and returns the number of these per ray. `None` if one of these crossings lies
+/// within an edge's tolerance, or if they don't fit.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,

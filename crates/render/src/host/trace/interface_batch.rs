@@ -4,7 +4,7 @@ use super::interface::Vector;
 use crate::constants::KRONECKER;
 use crate::host::lanes::{Lanes, RAYS, Words};
 
-/// Random numbers per interface: for the reflection, and for the facet's slope and azimuth.
+/// Number of random numbers per interface: for the reflection, and for the facet's slope and azimuth.
 pub(super) const DIMENSIONS: usize = 3;
 
 /// State of a path that arrives at an interface, and the media on both sides.
@@ -36,7 +36,7 @@ pub(super) struct Arrival {
     pub(super) bounce: u32,
 }
 
-/// Changes of a path by its interface.
+/// Changes of a path at an interface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Departure {
     pub(super) direction: Vector,

@@ -58,7 +58,7 @@ impl Outputs<'_> {
 /// Follows the paths of a batch and its axial paths, split over the cores in whole packets. Returns the number of
 /// crossings lost for lack of room.
 ///
-/// A path's outputs depend on that path alone, with one exception: if more crossings lie behind its start than fit, its
+/// A path's outputs depend on that path alone, with one exception. If more crossings lie behind its start than fit, its
 /// neighbours decide which ones are lost.
 pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
     let Params { axial_paths, scanlines, .. } = *scene.params;

@@ -11,7 +11,7 @@ use super::traverse::{Ray, Stack, Tree, boxes, intersect, leaf, max, min, prefet
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, bits, fold};
 
-/// Up to this number, rays are tested one by one: at a node each against its eight boxes at once, at a leaf each
+/// Up to this number, rays are tested one by one. At a node each is tested against its eight boxes at once, at a leaf
 /// against every triangle.
 const FEW_AT_A_NODE: u32 = 4;
 const FEW_AT_A_LEAF: u32 = 2;
@@ -248,8 +248,8 @@ impl<F: FnMut(usize, f32, u32, bool)> Leaves for Crossings<'_, F> {
     }
 }
 
-/// Calls `found(lane, [least, most], triangle)` for every triangle that a ray within
-/// [`DRIFT_MM`] of a packet's ray may cross, with the distances between which it may do so.
+/// Calls `found(lane, [least, most], triangle)` for every triangle that a ray within [`DRIFT_MM`] of a packet's ray may
+/// cross. `least` and `most` bound the distance at which it may do so.
 #[inline(always)]
 pub(super) fn possible_crossings(
     tree: &Tree<'_>,

@@ -119,8 +119,8 @@ impl Scene<'_> {
         state.direction.dot(self.params.scene_vector(Vec3::Z))
     }
 
-    /// Finds the surfaces that the path starts inside, and its coupling, from the crossings `near` its start. Writes its
-    /// first segment.
+    /// Finds the surfaces that the path starts inside, and its coupling, from the crossings `near` its start. Writes
+    /// the path's first segment.
     #[inline(always)]
     pub(super) fn locate(&self, state: &mut PathState, near: &mut [Crossing], record: &mut PathRecord) {
         near.sort_unstable_by(by_distance);

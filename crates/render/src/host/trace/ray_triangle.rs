@@ -103,7 +103,7 @@ pub(super) enum Hit {
     Misses,
     /// At a distance in mm, within the tolerance of an edge.
     AtEdge(f32),
-    /// At a distance in mm; whether the ray enters the surface.
+    /// Inside the edges: distance in mm, and whether the ray enters the surface.
     Inside(f32, bool),
 }
 

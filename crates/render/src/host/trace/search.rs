@@ -34,7 +34,7 @@ impl Search {
             if crossing.t > self.reach_mm() + TOUCH_MM {
                 return;
             }
-            // A covered crossing without room counts as one of another surface.
+            // Without room in `covered`, it counts as if it changed the medium.
             match covered.push(crossing) {
                 None => return,
                 Some(other) => crossing = other,
