@@ -1,8 +1,9 @@
 //! Attitude of the fetus: frames of its head, trunk and limbs.
 //!
 //! In the **fetal frame**, x points to the fetus' left, y cranially and z ventrally. Parts are modelled in it, or in
-//! the frame of the head or of a vertebra (same axes, rotated). The fetus is then placed in the scene as a whole.
-//! Trunk and head are drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
+//! the frame of the head or of a vertebra (same axes, rotated). The fetus is then placed in the scene as a whole. Trunk
+//! and head are drawn at their size at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`]. A
+//! *level* is a position along the spine, counted in vertebrae from C1.
 
 use glam::{Quat, Vec3};
 use insonify_core::anatomy::sdf::{Isometry, Solid, ellipsoid};
@@ -44,9 +45,10 @@ pub struct Arm {
 pub struct Attitude {
     /// Sizes of the fetus.
     pub biometry: Biometry,
-    /// `scene_from_fetus`.
+    /// Isometry from the fetal frame to the scene frame, mm.
     pub scene_from_fetus: Isometry,
-    /// `fetus_from_head`: origin at the skull's centre, y to the vertex, z to the face.
+    /// Isometry from the head's frame to the fetal frame, mm. The head's frame has its origin at the skull's centre, y
+    /// to the vertex, z to the face.
     pub fetus_from_head: Isometry,
     /// Left and right leg.
     pub legs: [Leg; 2],
@@ -55,8 +57,8 @@ pub struct Attitude {
     spine: Spine,
 }
 
-/// Directions of a limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, for the left limb; a right limb is
-/// its mirror image.
+/// Key directions of a left limb's segments (upper, lower, hand or foot) at flexions 0, 0.5 and 1, fetal frame. A right
+/// limb is the mirror image.
 struct Pose {
     upper: [[f32; 3]; 3],
     lower: [[f32; 3]; 3],
@@ -89,25 +91,26 @@ const ARMS: [Pose; 2] = [
     },
 ];
 
-/// Interpolates between three key directions, at `flexion`.
+/// Unit direction at `flexion`, interpolated between the three key directions. `side` is 1 for a left limb, −1 for a
+/// right one.
 fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
     let [a, b, c] = keys.map(|k| Vec3::from(k).normalize());
     let v = if flexion < 0.5 { a.lerp(b, 2.0 * flexion) } else { b.lerp(c, 2.0 * flexion - 1.0) };
     (v * Vec3::new(side, 1.0, 1.0)).normalize()
 }
 
-/// Largest rotation of a limb's segment between individuals, rad.
+/// Largest rotation, about each axis, of a limb's segment from its mean direction, rad.
 const LIMB_VARIATION_RAD: f32 = 0.16;
 
 impl Attitude {
-    /// Attitude in the fetal frame, not placed in the scene. `variation` scales the individual differences, 0 to 1.
-    /// `spread` rotates limbs apart and away from the face, radians.
+    /// Attitude in the fetal frame, not placed in the scene. `variation`, 0 to 1, scales the differences between
+    /// individuals. `spread` is an angle, rad, by which limbs are rotated apart and away from the face.
     pub(super) fn posed(biometry: &Biometry, flexion: f32, seed: u64, variation: f32, spread: f32) -> Self {
         let drawn = Spine::drawn();
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
         let trunk = biometry.trunk_scale();
-        // Points of the drawing, displaced with their vertebra.
+        // Moves a point of the drawn fetus with the vertebra at `level`.
         let moved = |level: f32, point: Vec3| {
             let local = drawn.vertebra(level).local_point(point);
             spine.vertebra(level).point(local * trunk)
@@ -130,7 +133,8 @@ impl Attitude {
             let side = if i == 0 { 1.0 } else { -1.0 };
             let jitter = |v: Vec3, k: u64| {
                 let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
-                // Elbows outward, forearms apart and away from the face; thighs down from the elbows, shanks outward.
+                // Directions of `spread`: elbows outward, forearms apart and away from the face; thighs down from the
+                // elbows, shanks outward.
                 let apart = match (level < 15.0, k) {
                     (true, 0) => Quat::from_rotation_y(0.7 * side * spread),
                     (true, _) => Quat::from_rotation_x(0.3 * spread) * Quat::from_rotation_y(side * spread),
@@ -145,7 +149,7 @@ impl Attitude {
                 .map(|(keys, k)| jitter(between(keys, flexion, side), k))
                 .collect::<Vec<_>>()
         };
-        // The ossified shaft ends before the joint by the length of a cartilage end.
+        // The distance between two joints is the ossified shaft plus the cartilage at its ends.
         let (leg_scale, arm_scale) = (biometry.leg_scale(), biometry.arm_scale());
         let leg = |i: usize| {
             let side = if i == 0 { 1.0 } else { -1.0 };
@@ -176,27 +180,28 @@ impl Attitude {
         }
     }
 
-    /// `fetus_from_vertebra`: frame of the spine at `level`, y cranial along the spine, z ventral, mm.
+    /// Isometry from the frame of the vertebra at `level` to the fetal frame, mm: y cranial along the spine, z ventral.
     pub fn vertebra(&self, level: f32) -> Isometry {
         self.spine.vertebra(level)
     }
 
-    /// Point at (`left`, `ventral`) (mm at 22 weeks) from the spine at `level`, fetal frame, mm.
+    /// Point `left` and `ventral` of the spine at `level` (both mm at 22 weeks), in the fetal frame, mm.
     pub fn trunk(&self, level: f32, left: f32, ventral: f32) -> Vec3 {
         self.vertebra(level).point(Vec3::new(left, 0.0, ventral) * self.biometry.trunk_scale())
     }
 
-    /// Ball of `radius` (mm at 22 weeks) about [`Self::trunk`], fetal frame, mm.
+    /// Centre and radius of a ball about the point [`Self::trunk`], fetal frame, mm. `radius` is in mm at 22 weeks.
     pub(crate) fn knot(&self, level: f32, left: f32, ventral: f32, radius: f32) -> (Vec3, f32) {
         (self.trunk(level, left, ventral), radius * self.biometry.trunk_scale())
     }
 
-    /// Converts a solid drawn about the vertebra at `level` (mm at 22 weeks) to the fetal frame.
+    /// Converts a solid in the frame of the vertebra at `level`, drawn in mm at 22 weeks, to the fetal frame.
     pub(crate) fn in_trunk(&self, level: f32, solid: Solid) -> Solid {
         solid.scaled(self.biometry.trunk_scale()).placed(self.vertebra(level))
     }
 
-    /// Ellipsoid drawn about the vertebra at `level` (mm at 22 weeks), in the fetal frame.
+    /// Ellipsoid in the fetal frame. `centre` and `semi` are drawn in the frame of the vertebra at `level`, mm at 22
+    /// weeks.
     pub(crate) fn in_trunk_ellipsoid(&self, level: f32, centre: Vec3, semi: Vec3) -> Solid {
         self.in_trunk(level, ellipsoid(centre, semi))
     }

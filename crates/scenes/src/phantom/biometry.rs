@@ -6,7 +6,7 @@ use insonify_core::anatomy::sdf::bisect;
 
 /// Sizes of a fetus that determine every organ, mm.
 ///
-/// Sources, by field: [`Biometry::at_weeks`].
+/// [`Biometry::at_weeks`] names the source of each size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Biometry {
     /// Biparietal diameter, outer to inner table of the skull.
@@ -158,35 +158,35 @@ impl Biometry {
 
     /// Semi-axes of the skull's outer table, mm: lateral, vertical, fore and aft.
     pub(crate) fn skull_semi_mm(&self) -> Vec3 {
-        // An outer-to-inner diameter excludes one table.
+        // The biparietal diameter runs from outer to inner table, so it excludes the thickness of one side.
         let lateral = 0.5 * (self.biparietal_mm + self.skull_thickness_mm);
         let long = 0.5 * self.occipitofrontal_mm;
         Vec3::new(lateral, 0.85 * long, long)
     }
 
-    /// Size of the head relative to the drawing, whose head circumference is 200 mm (22 weeks).
+    /// Scale of the head relative to the model as drawn, whose head circumference is 200 mm (22 weeks).
     pub fn head_scale(&self) -> f32 {
         self.head_circumference_mm / 200.0
     }
 
-    /// Size of the trunk relative to the drawing, whose abdominal circumference is 175 mm (22 weeks).
+    /// Scale of the trunk relative to the model as drawn, whose abdominal circumference is 175 mm (22 weeks).
     pub fn trunk_scale(&self) -> f32 {
         self.abdominal_circumference_mm / 175.0
     }
 
-    /// Size of the legs relative to the drawing, whose femur is 39 mm long (22 weeks).
+    /// Scale of the legs relative to the model as drawn, whose femur is 39 mm long (22 weeks).
     pub(crate) fn leg_scale(&self) -> f32 {
         self.femur_mm / 39.0
     }
 
-    /// Size of the arms relative to the drawing, whose humerus is 37 mm long (22 weeks).
+    /// Scale of the arms relative to the model as drawn, whose humerus is 37 mm long (22 weeks).
     pub(crate) fn arm_scale(&self) -> f32 {
         self.humerus_mm / 37.0
     }
 }
 
-/// Long diameter, mm, of the head's outline of width `width_mm` and circumference `circumference_mm`. The outline is
-/// an ellipse that the brow lengthens by the factor [`BROW`].
+/// Occipitofrontal diameter, mm, of a head of width `width_mm` and circumference `circumference_mm`. Its outline is an
+/// ellipse that the brow lengthens by the factor [`BROW`].
 fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
     const BROW: f32 = 1.012;
     bisect(width_mm, 2.0 * width_mm, 30, |long| BROW * ellipse_circumference(width_mm, long) < circumference_mm)

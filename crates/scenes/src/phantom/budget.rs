@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use super::meshing::count_triangles;
 use super::organ::Organ;
 
-/// Largest accepted relative deviation from the budget.
+/// Largest accepted deviation of the total from the budget, relative to the budget.
 const TOLERANCE: f64 = 0.005;
 
-/// Cell size of each of `organs`, mm, for `budget` triangles in total within half a percent. Calls `counted` after each
-/// count.
+/// Cell size of each of `organs`, mm, such that they have `budget` triangles in total, within half a percent. Calls
+/// `counted` each time the triangles of an organ have been counted.
 ///
 /// # Errors
 /// The budget is too small; the error is the smallest number of triangles that resolves every organ.
@@ -45,7 +45,7 @@ pub(super) fn cell_sizes_mm(organs: &[Organ], budget: usize, counted: &(dyn Fn()
     }
     let mut sizes = sizes(coarse);
 
-    // The remaining error is corrected on the largest surfaces, whose counts vary most smoothly.
+    // The remaining error is corrected on the largest surfaces, whose counts vary most smoothly with the cell size.
     let mut counts: Vec<f64> =
         organs.par_iter().zip(&sizes).map(|(o, &mm)| count_triangles(&o.solid, mm) as f64).collect();
     for round in 0..12 {

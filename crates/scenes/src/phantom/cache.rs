@@ -9,10 +9,11 @@ use thiserror::Error;
 
 use super::{PhantomError, PhantomOptions, PhantomSurface, Progress, build, movement};
 
-/// Version of the generator's output; raised with every change to invalidate old files.
+/// Version of the generator's output, hashed into each file's name. Every change of the output raises it, so old files
+/// are no longer used.
 const GENERATOR: &str = "obstetric-9";
 
-/// Action of an error.
+/// Action that failed, in an error message.
 const MAKE_FOLDER: &str = "make the cache folder";
 
 /// Errors in obtaining a phantom file.
@@ -29,7 +30,8 @@ pub enum CacheError {
     File(#[from] FileError),
 }
 
-/// Path of the phantom of `options` as a .glb in `cache_dir`; builds it if this generator version has not done so yet.
+/// Path of the .glb file of the phantom of `options` in `cache_dir`. The file is built if this generator version has
+/// not written it yet.
 ///
 /// `progress` is called only during a build. Two processes may build at once: each renames a complete file into place,
 /// and both files are the same.
@@ -48,7 +50,7 @@ pub fn cached(
     Ok(path)
 }
 
-/// File of a phantom. Outside the cache it is removed with this value.
+/// File of a phantom. A file outside the cache is deleted when this value is dropped.
 #[derive(Debug)]
 pub struct PhantomFile {
     /// Path of the .glb.
@@ -56,7 +58,7 @@ pub struct PhantomFile {
     _temporary: Option<TempDir>,
 }
 
-/// As [`cached`]; if the cache cannot be written, warns and writes to the system's temporary folder.
+/// Like [`cached`], but if the cache cannot be written, warns and writes to the system's temporary folder.
 ///
 /// # Errors
 /// The phantom cannot be built with these options, or neither folder can be written.

@@ -8,7 +8,7 @@ use insonify_core::anatomy::{Bounds, Mesh};
 /// Volume below which a part is a fragment, in grid cells.
 const FRAGMENT_CELLS: f64 = 0.25;
 
-/// A connected component.
+/// A connected component of the mesh.
 #[derive(Debug, Clone)]
 struct Part {
     signed_volume_mm3: f64,
@@ -58,8 +58,8 @@ pub(super) fn without_fragments(mesh: Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// Index of the part that each triangle belongs to: triangles that share an edge are connected; triangles that share
-/// only a vertex are not.
+/// For each triangle, the index of its part. Triangles that share an edge belong to one part; a shared vertex alone
+/// does not connect them.
 fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
     let mut edges: Vec<([u32; 2], u32)> = (0u32..)
         .zip(&mesh.triangles)
@@ -97,7 +97,7 @@ mod tests {
         let all = joined([std::slice::from_ref(&fragment), &sound[..], &[hollow_fragment, fold]].concat());
         assert_eq!(without_fragments(all, 1.0), joined(sound.clone()));
         assert_eq!(without_fragments(joined(sound.clone()), 1.0), joined(sound.clone()));
-        // A fragment attached at one vertex.
+        // A fragment attached to the ball at one vertex.
         let mut hung = joined([ball.clone(), fragment.clone()]);
         let first = ball.vertices_mm.len() as u32;
         let meets = |i: u32| if i == first { 7 } else { i };

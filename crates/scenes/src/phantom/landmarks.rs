@@ -71,7 +71,7 @@ pub struct Landmarks {
     pub tibiae_mm: [[Vec3; 2]; 2],
     /// Ends of the abdomen's axes at the skin: ventral, dorsal, left, right.
     pub abdomen_axes_mm: [Vec3; 4],
-    /// Turn of the umbilical vein into the portal sinus.
+    /// Bend of the umbilical vein into the portal sinus.
     pub portal_sinus_mm: Vec3,
     /// Insertion of the umbilical cord in the fetal belly's skin.
     pub cord_insertion_mm: Vec3,

@@ -15,10 +15,10 @@ use super::fragments::without_fragments;
 
 /// Cells along a block's edge.
 const BLOCK: u32 = 4;
-/// Free cells between the solid's bounding box and the grid's border, so that surfaces close.
+/// Number of cells between the solid's bounding box and the grid's border, so that surfaces close.
 const MARGIN_CELLS: f32 = 2.5;
-/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal. Signed distances of
-/// solids are not exact: some have a slope above one.
+/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal. The multiple exceeds
+/// one because signed distances of solids are not exact: some have a slope above one.
 const LIPSCHITZ: f32 = 3.0;
 /// Newton steps per vertex.
 const NEWTON_STEPS: usize = 4;
@@ -50,7 +50,8 @@ pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
     let crossings: usize = (0..3)
         .map(|axis| {
             let values = &samples.values;
-            // The grid's border is outside the solid, so a wrapped neighbour never counts.
+            // At the end of a row, the stride leads to the next row. Both samples are at the grid's border, outside the
+            // solid, so they count as no crossing.
             (0..values.len() - strides[axis])
                 .filter(|&i| (values[i] < 0.0) != (values[i + strides[axis]] < 0.0))
                 .count()
@@ -72,7 +73,7 @@ impl Samples {
             for by in 0..blocks.y {
                 for bx in 0..blocks.x {
                     let first = UVec3::new(bx, by, bz as u32) * BLOCK;
-                    // Samples of a block span BLOCK - 1 cells.
+                    // A block's BLOCK samples span BLOCK - 1 cells.
                     let centre = origin + (first.as_vec3() + 0.5 * (BLOCK - 1) as f32) * cell_mm;
                     let at_centre = solid.distance_mm(centre);
                     let near = at_centre.abs() < LIPSCHITZ * half_diagonal;
@@ -128,7 +129,7 @@ impl Samples {
     }
 }
 
-/// Nearest point of the surface by Newton steps within one cell.
+/// Moves a vertex from `start` onto the surface by Newton steps. It stays within 0.7 cells of `start`.
 fn project(solid: &Solid, start: Vec3, cell_mm: f32) -> Vec3 {
     let mut p = start;
     for _ in 0..NEWTON_STEPS {
@@ -163,7 +164,7 @@ mod tests {
 
     #[test]
     fn sheets_that_meet_in_a_cell_share_no_edge() {
-        // Two rods that cross at a small distance, at 40 offsets against the grid.
+        // Two crossing rods with a small gap between them, at 40 offsets against the grid.
         for i in 0..40 {
             let shift = Vec3::new(0.13, 0.29, 0.37) * i as f32;
             let a = capsule(shift, shift + Vec3::new(10.0, 10.0, 1.0), 1.1);

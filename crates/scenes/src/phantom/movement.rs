@@ -13,10 +13,10 @@ use super::vary::vary;
 const HEART_PER_MIN: (f64, f64) = (145.0, 12.0);
 /// Shortening fraction of both ventricles: a third of the radius between diastole and systole (DeVore 1984).
 const SHORTENING: f32 = 0.32;
-/// Rate of fetal breathing, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 per minute).
+/// Fetal breaths per minute during a bout (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 per minute).
 const FETAL_BREATHS_PER_MIN: f64 = 50.0;
-/// Change of the chest's radius in fetal inspiration, relative to the radius, and caudal movement of the diaphragm,
-/// mm: 2 to 4 mm each (Patrick 1980; amounts at 22 weeks).
+/// In fetal inspiration: change of the chest's radius, relative to the radius, and caudal movement of the diaphragm,
+/// mm. Each is 2 to 4 mm (Patrick 1980; the values here are for 22 weeks).
 const CHEST_WALL: f32 = -0.05;
 const DIAPHRAGM_MM: f32 = 2.5;
 /// Breathing rate of a resting mother, and the caudal displacement of the uterus by each breath, mm (assumed).
@@ -41,7 +41,7 @@ pub fn movement(parameters: &Parameters) -> Motion {
         fields.push(stretch(&attitude, format!("{side} arm"), arm, arm_mm, seed));
     }
     let rhythm = Rhythm::Breath { breaths_per_min: MATERNAL_BREATHS_PER_MIN, bout_s: 1.0, pause_s: 0.0, seed };
-    // Along the skin, which keeps the probe in contact.
+    // The uterus moves along the skin, so the probe keeps its contact.
     Motion { fields, drift: Some(Drift { way_mm: Vec3::new(0.0, -UTERUS_MM, 0.0), rhythm }) }
 }
 
@@ -69,7 +69,7 @@ fn heart(attitude: &Attitude, seed: u64) -> Field {
 
 fn breathing(attitude: &Attitude, seed: u64) -> Field {
     let scale = attitude.biometry.trunk_scale();
-    // The diaphragm's level.
+    // Level of the diaphragm, in vertebrae from C1.
     let level = 15.5;
     Field {
         name: "fetal breathing".into(),
@@ -100,7 +100,7 @@ fn breathing(attitude: &Attitude, seed: u64) -> Field {
     }
 }
 
-/// Occasional stretching at the hinge of a limb with joints `[root, hinge, next, tip]`.
+/// Occasional stretching of a limb at the second of its joints `[root, hinge, next, tip]`, fetal frame, mm.
 fn stretch(attitude: &Attitude, name: String, joints: [Vec3; 4], radius_mm: f32, seed: u64) -> Field {
     let [root, hinge, next, tip] = joints;
     // A positive rotation about this axis bends, a negative one stretches.

@@ -25,7 +25,7 @@ pub struct Organ {
     pub priority: i32,
     /// Body whose triangle budget includes this surface.
     pub body: Body,
-    /// Cell size relative to other surfaces of the same body; about right in mm at scale 1.
+    /// Cell size relative to other surfaces of the same body: roughly the size in mm at scale 1.
     pub grain_mm: f32,
     /// Largest cell size that still resolves this surface, mm: about its smallest thickness.
     pub coarsest_mm: f32,
@@ -34,7 +34,7 @@ pub struct Organ {
 }
 
 impl Body {
-    /// Organ that belongs to this body.
+    /// An organ whose triangles belong to this body's budget.
     pub(super) fn organ(
         self,
         name: &'static str,

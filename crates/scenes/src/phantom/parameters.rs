@@ -31,8 +31,8 @@ pub struct Parameters {
     /// Aberration class of the abdominal wall.
     #[serde(default)]
     pub wall: Wall,
-    /// Whether fat fills the gap between the recti. The fat is an acoustic lens that shows structures behind the
-    /// midline twice.
+    /// Whether fat fills the gap between the recti. The fat is an acoustic lens that shows structures below the midline
+    /// twice.
     #[serde(default)]
     pub recti_lens: bool,
     /// Seed of the small variations between individuals.

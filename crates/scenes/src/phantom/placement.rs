@@ -13,11 +13,11 @@ use super::{fetus, mother};
 
 /// Fluid layer between the fetus and its surroundings, mm.
 const CLEARANCE_MM: f32 = 3.0;
-/// Accepted shortfall of that clearance, mm.
+/// Largest accepted shortfall from [`CLEARANCE_MM`], mm.
 const ACCEPTED_MM: f32 = 0.6;
-/// Semi-axes of the disc that represents the placenta, its thickness along y, mm at 22 weeks.
+/// Semi-axes of the disc that represents the placenta, mm at 22 weeks; y is along its thickness.
 const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
-/// Number of pushing steps.
+/// Largest number of steps that push the fetus off its obstacles.
 const STEPS: usize = 240;
 
 /// Obstacles around the fetus.
@@ -37,7 +37,7 @@ impl Obstacles {
         Self { cavity: mother::cavity(parameters), placenta, start: start(parameters) }
     }
 
-    /// `scene_from_fetus`, and the remaining shortfall of clearance, mm.
+    /// Placement (`scene_from_fetus`) of the fetus, and the shortfall from the clearance to the wall that remains, mm.
     fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
         let balls = fetus::balls(attitude);
         let scale = attitude.biometry.trunk_scale();
@@ -57,7 +57,8 @@ impl Obstacles {
             };
             for &(local, radius) in &balls {
                 let at = pose.point(local);
-                // Point of the ball nearest to the wall: the cavity's distances are accurate only near the wall.
+                // The ball's surface point nearest to the wall is used, since the cavity's distances are accurate only
+                // near the wall.
                 let outward = self.cavity.normal(at + self.cavity.normal(at) * radius);
                 let out_of_wall = self.cavity.distance_mm(at + outward * radius) + CLEARANCE_MM;
                 if out_of_wall > 0.0 {
@@ -70,7 +71,7 @@ impl Obstacles {
                     push(at, self.placenta.normal(at) * in_placenta);
                 }
             }
-            // The wall has precedence; clearance from the placenta is a bonus.
+            // Clearance from the wall decides; clearance from the placenta is a bonus.
             if worst < best.1.max(0.5 * ACCEPTED_MM) {
                 best = (pose, worst);
             }
@@ -85,8 +86,8 @@ impl Obstacles {
     }
 }
 
-/// Start position: rotated by lie and roll, in the middle or slightly behind it, as the placenta or the belly's weight
-/// is in front. The head is slightly nearer to the belly than the rump.
+/// Start placement: rotated by lie and roll, the head tilted slightly towards the mother's belly. The fetus starts near
+/// the cavity's centre, displaced backwards from an anterior placenta and forwards from a posterior one.
 fn start(parameters: &Parameters) -> Isometry {
     let (cranial, ventral) = match parameters.lie {
         Lie::Cephalic => (Vec3::NEG_Y, Vec3::X),

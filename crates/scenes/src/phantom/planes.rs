@@ -39,16 +39,16 @@ pub(crate) fn planes_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardP
     StandardPlanes { version: PLANES_VERSION, planes: planes.into() }
 }
 
-/// Landmarks and sizes, and directions shared by several planes.
+/// Landmarks and sizes, and unit directions in the scene that several planes share.
 struct Anatomy<'a> {
     landmarks: &'a Landmarks,
     biometry: &'a Biometry,
     left: DVec3,
-    /// Side of the fetus nearer to the belly, where the probe is.
+    /// Direction to the fetus' left or right, whichever is nearer to the mother's belly, where the probe is.
     near: DVec3,
     vertex: DVec3,
     face: DVec3,
-    /// Direction from the spine to the belly.
+    /// Direction from the fetal spine to the fetal belly.
     ventral: DVec3,
 }
 
@@ -67,8 +67,8 @@ impl<'a> Anatomy<'a> {
         }
     }
 
-    /// Scene position of the point `(x, y, z)` in the frame of the drawn head. The head is drawn for 22 weeks and
-    /// scales with the skull.
+    /// Scene position, mm, of the point `(x, y, z)` in the frame of the head as drawn (mm at 22 weeks). It is scaled
+    /// with the skull.
     fn in_head(&self, x: f64, y: f64, z: f64) -> DVec3 {
         let size = (self.biometry.skull_semi_mm() / Biometry::default().skull_semi_mm()).as_dvec3();
         let p = DVec3::new(x, y, z) * size;
@@ -76,7 +76,7 @@ impl<'a> Anatomy<'a> {
     }
 }
 
-/// Tolerances; all assumed, see the top of this file.
+/// Tolerances of a plane; all are assumed, see the top of this file.
 fn tolerances(angle_deg: f64, distance_mm: f64, in_plane_deg: Option<f64>) -> Tolerances {
     Tolerances {
         angle_deg,
@@ -95,10 +95,10 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     View::new(name, centre_mm, lateral, to_probe)
 }
 
-/// View in the midsagittal plane of the fetus with the probe in the direction `to_probe`. A direction to the mother's
-/// back is out of a probe's reach; the direction in the plane nearest to her belly replaces it.
+/// View in the midsagittal plane of the fetus with the probe in the direction `to_probe`. A probe cannot reach the
+/// mother's back. A direction to it is replaced by the one in the plane that points most to her front.
 fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
-    /// Lowest z of the unit direction to the probe: on a flank, a beam points up by at most about 15° (assumed).
+    /// Smallest z of the unit direction to the probe: on a flank, a beam points up by at most about 15° (assumed).
     const LOWEST_Z: f64 = -0.25;
     let wanted = view("", centre_mm, lateral, to_probe.reject_from(a.left));
     if wanted.to_probe.z >= LOWEST_Z {
@@ -109,8 +109,8 @@ fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -
     view("", centre_mm, across * across.dot(lateral).signum(), to_probe)
 }
 
-/// Landmarks with their largest accepted distance from the image plane, mm: half their own size plus part of the slice
-/// thickness.
+/// Landmarks from `(name, position, distance)`. The distance, mm, is the largest accepted one from the image plane:
+/// half the landmark's size plus part of the slice thickness.
 fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
     let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
         name: name.to_owned(),
@@ -142,7 +142,8 @@ fn caliper(name: &str, title: &str, points_mm: Vec<DVec3>, surface: &str, reach_
     }
 }
 
-/// Axial plane at the thalami: midline across the beam, cavum septi pellucidi in front, no cerebellum.
+/// Axial plane at the thalami. The midline runs across the beam, the cavum septi pellucidi is in front, the cerebellum
+/// not visible.
 fn head(a: &Anatomy) -> StandardPlane {
     let (centre, biometry) = (a.landmarks.head_centre_mm.as_dvec3(), a.biometry);
     let semi = biometry.skull_semi_mm().as_dvec3();
@@ -207,7 +208,7 @@ fn femur(a: &Anatomy) -> StandardPlane {
     let femurs = [("left", a.landmarks.left_femur_mm), ("right", a.landmarks.right_femur_mm)];
     let views = femurs.map(|(name, tips)| {
         let [hip, knee] = tips.map(|v| v.as_dvec3());
-        // The belly is the mother's front, +z.
+        // A direction to the mother's front, +z, where her belly is.
         let mut view = view(name, 0.5 * (hip + knee), knee - hip, DVec3::Z);
         view.any_turn_about_lateral = true;
         view.outlines = outlines(&["fetal_skin", "long_bones"]);

@@ -8,10 +8,10 @@ use insonify_core::anatomy::sdf::{Isometry, catmull_rom};
 /// of T1, 19 the top of L1, 24 the top of S1.
 pub(crate) const VERTEBRAE: usize = 29;
 
-/// Number of vertebrae, and relative height of one with its disc: cervical, thoracic, lumbar and sacral.
+/// Number of vertebrae, and relative height of one with its disc, for the cervical, thoracic, lumbar and sacral spine.
 const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];
 
-/// Midsagittal knots (y, z) from C1 to S5 as drawn, mm at 22 weeks.
+/// Points (y, z) of the spine's midsagittal curve as drawn, from C1 to S5, mm at 22 weeks.
 const KNOTS: [(f32, f32); 11] = [
     (36.9, -17.5),
     (29.5, -24.0),
@@ -26,7 +26,7 @@ const KNOTS: [(f32, f32); 11] = [
     (-61.5, -15.0),
 ];
 const STEPS: usize = 12;
-/// Index of the point fixed during bending: knot 5.
+/// Index of the point that stays fixed while the spine is bent: `KNOTS[5]`.
 const FIXED: usize = 5 * STEPS;
 
 /// Spine in the fetal frame.
@@ -34,12 +34,12 @@ const FIXED: usize = 5 * STEPS;
 pub(super) struct Spine {
     /// Centres of the vertebral bodies, finely spaced, cranial to caudal, mm.
     points: Vec<Vec3>,
-    /// Level at each point.
+    /// Level at each point, in vertebrae from C1: see [`VERTEBRAE`].
     levels: Vec<f32>,
 }
 
 impl Spine {
-    /// Spine as drawn: half curled, 22 weeks.
+    /// Spine as drawn: half curled, at 22 weeks.
     pub(super) fn drawn() -> Self {
         let knots = KNOTS.map(|(y, z)| (Vec3::new(0.0, y, z), 0.0));
         let points: Vec<Vec3> = catmull_rom(&knots, STEPS).into_iter().map(|(p, _)| p).collect();
@@ -47,7 +47,7 @@ impl Spine {
         Self { points, levels }
     }
 
-    /// Spine with its angles multiplied by `bend` and its size by `scale`.
+    /// Spine whose angles to the y axis are multiplied by `bend` and whose size is multiplied by `scale`.
     pub(super) fn bent(&self, bend: f32, scale: f32) -> Self {
         let step = |from: Vec3, to: Vec3| {
             let d = to - from;
@@ -68,7 +68,7 @@ impl Spine {
         self.points.windows(2).map(|p| p[0].distance(p[1])).sum()
     }
 
-    /// `fetus_from_vertebra`: y cranial along the spine, z ventral.
+    /// Isometry from the frame of the vertebra at `level` to the fetal frame, mm: y cranial along the spine, z ventral.
     pub(super) fn vertebra(&self, level: f32) -> Isometry {
         let last = self.points.len() - 1;
         let i = self.levels.partition_point(|&l| l < level).clamp(1, last);
@@ -81,7 +81,7 @@ impl Spine {
     }
 }
 
-/// Level at each point of a spine from C1 to S5, distributed by the vertebrae's relative heights.
+/// Level at each point of `spine`, from C1 to S5, by the vertebrae's relative heights.
 fn levels_along(spine: &[Vec3]) -> Vec<f32> {
     let mut borders = vec![0.0f32];
     for (count, height) in HEIGHTS {

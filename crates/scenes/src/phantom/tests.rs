@@ -132,7 +132,7 @@ fn the_fetus_fits_the_cavity() {
     for (i, weeks) in [16.0, 22.0, 28.0, 34.0].into_iter().enumerate() {
         for (k, lie) in Lie::ALL.into_iter().enumerate() {
             for (m, roll_deg) in [0.0, 90.0, -90.0, 180.0].into_iter().enumerate() {
-                // Every flexion and fluid index is combined with every age, lie and roll somewhere.
+                // Each flexion and each fluid index occurs with every age, with every lie and with every roll.
                 let turn = i + 2 * k + m;
                 cases.push(Parameters {
                     gestational_weeks: weeks,

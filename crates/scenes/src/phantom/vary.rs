@@ -2,14 +2,14 @@
 
 use insonify_core::random::bits;
 
-/// Pseudo-random number in 0..1, a function of the phantom's `seed` and of `what` only.
+/// Pseudo-random number in 0..1 that depends only on the phantom's `seed` and on `what`, the number of the quantity.
 pub(super) fn random(seed: u64, what: u64) -> f32 {
     let state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(what.wrapping_mul(0xd1b5_4a32_d192_ed03));
-    // An f32 holds 24 bits.
+    // The upper 24 bits, as an f32 holds no more.
     (bits(state) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// Deviation from the mean in -1..1; seed 0 is the mean itself.
+/// Deviation of the quantity `what` from its mean, -1..1; always 0 for seed 0, the mean individual.
 pub(super) fn vary(seed: u64, what: u64) -> f32 {
     if seed == 0 { 0.0 } else { 2.0 * random(seed, what) - 1.0 }
 }

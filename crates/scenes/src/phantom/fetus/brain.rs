@@ -37,7 +37,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     ]
 }
 
-/// Hemispheres, separated by a shallow fissure, with an insula pressed in on each side; furrowed late in pregnancy.
+/// Hemispheres with a shallow fissure between them and an insula pressed in on each side; late in pregnancy with sulci.
 fn brain(biometry: &Biometry) -> Solid {
     let v = Vec3::new;
     let whole = head::cranium(biometry, -(head::table(biometry) + SUBARACHNOID_MM));
@@ -53,7 +53,7 @@ fn brain(biometry: &Biometry) -> Solid {
     smooth.displaced(depth, move |p| {
         let wave = |x: f32, y: f32, z: f32, phase: f32| (x * p.x + y * p.y + z * p.z + phase).sin();
         let folds = wave(0.31, 0.52, 0.38, 0.7) + wave(-0.47, 0.29, 0.55, 2.1) + wave(0.18, -0.41, 0.62, 4.0);
-        // Broad crowns, narrow furrows.
+        // Broad gyri, narrow sulci.
         -depth * (1.0 - (0.9 * folds).abs()).max(0.0)
     })
 }
@@ -73,20 +73,20 @@ fn deep_brain() -> Solid {
         ],
         5,
     );
-    // Broader than high.
+    // The corpus callosum is broader than high.
     let callosum =
         Solid::new(callosum.bounds().grown(3.0), move |p| callosum.distance_mm(p.with_x(p.x - p.x.clamp(-3.0, 3.0))));
     union([thalamus, callosum])
 }
 
-/// Midline plate: a crescent over the corpus callosum, and the tentorium between cerebrum and cerebellum.
+/// Falx, a crescent in the midline over the corpus callosum, and tentorium between cerebrum and cerebellum.
 fn falx(inside: &Solid) -> Solid {
     let v = Vec3::new;
     let crescent = ellipsoid(v(0.0, -9.0, -1.0), v(40.0, 20.0, 21.5));
     let above = half_space(v(0.0, -9.0, 0.0), v(0.0, -0.96, 0.28));
     let within = inside.grown(-0.4);
     let falx = plate(Vec3::ZERO, Vec3::X, 0.5).intersect(within.clone()).intersect(above).subtract(crescent);
-    // Half a tent: slopes down sideways from the ridge, open in front for the brainstem.
+    // The tentorium is half a tent: it slopes down sideways from its ridge and is open in front for the brainstem.
     let slope = v(0.42, 0.90, -0.12).normalize();
     let notch = ellipsoid(v(0.0, -9.0, -7.0), v(11.0, 14.0, 10.0));
     let behind = half_space(v(0.0, 0.0, -4.0), Vec3::Z);
@@ -96,12 +96,12 @@ fn falx(inside: &Solid) -> Solid {
     union([falx, tent.with_mirror_image()])
 }
 
-/// Width of the ventricles relative to the drawing, whose atrium measures 6.8 mm.
+/// Width of the ventricles relative to the model as drawn, whose atrium measures 6.8 mm.
 fn ventricle_width(biometry: &Biometry) -> f32 {
     biometry.atrium_mm / biometry.head_scale() / 6.8
 }
 
-/// Centre line of a ventricle's body, atrium and temporal horn.
+/// Centre line, with radii, of the left ventricle's body, atrium and temporal horn, mm as drawn.
 const LATERAL: [(Vec3, f32); 7] = [
     (Vec3::new(5.0, 2.5, 20.0), 1.1),
     (Vec3::new(6.0, 5.5, 13.0), 2.0),
@@ -141,14 +141,14 @@ fn choroid_plexus(biometry: &Biometry) -> Solid {
 
 /// Posterior fossa: cerebellum, brainstem and the fluid behind them.
 struct PosteriorFossa {
-    /// Size of the cerebellum relative to the drawing, 22.4 mm wide.
+    /// Size of the cerebellum relative to the model as drawn, 22.4 mm wide.
     size: f32,
     /// Centre of the vermis.
     vermis: Vec3,
 }
 
 const VERMIS_SEMI: Vec3 = Vec3::new(2.6, 5.0, 4.2);
-/// Vector from the vermis to the centre of the left hemisphere, and the hemisphere's semi-axes.
+/// Vector from the vermis to the centre of the left hemisphere of the cerebellum, and that hemisphere's semi-axes.
 const LOBE: Vec3 = Vec3::new(5.8, -0.8, -1.0);
 const LOBE_SEMI: Vec3 = Vec3::new(5.4, 5.8, 5.2);
 
@@ -184,7 +184,7 @@ impl PosteriorFossa {
         let midbrain = round_cone(v(0.0, -8.5, -5.5), v(0.0, -13.0, -6.0), 4.4, 4.2);
         let pons = sphere(v(0.0, -14.0, -5.5), 4.6);
         let medulla = round_cone(v(0.0, -15.0, -6.5), v(0.0, -23.5, -11.0), 3.6, 2.6);
-        // Peduncles lead to each hemisphere.
+        // A peduncle leads to each hemisphere of the cerebellum.
         let peduncle = round_cone(v(2.0, -14.0, -7.0), self.vermis + self.size * LOBE + v(-1.5, 0.0, 2.0), 2.0, 2.2)
             .with_mirror_image();
         smooth_union([midbrain, pons, medulla, peduncle], 1.5)
@@ -204,8 +204,8 @@ pub(in crate::phantom) fn cavum_centre(attitude: &Attitude) -> Vec3 {
     attitude.head_point(CAVUM)
 }
 
-/// Inner and outer wall of the atria of left and right ventricle, fetal frame, mm: across the ventricle, in an axial
-/// plane.
+/// Inner and outer wall of the atrium of the left, then of the right ventricle, across the ventricle in an axial plane;
+/// fetal frame, mm.
 pub(in crate::phantom) fn atrium_walls(attitude: &Attitude) -> [[Vec3; 2]; 2] {
     let radius = 3.4 * ventricle_width(&attitude.biometry);
     [1.0, -1.0].map(|side| {
@@ -222,7 +222,7 @@ pub(in crate::phantom) fn cerebellum_ends(attitude: &Attitude) -> [Vec3; 2] {
     })
 }
 
-/// Vermis and inner table at both ends of the cisterna magna's depth, fetal frame, mm.
+/// Ends of the cisterna magna's depth, on the vermis and on the skull's inner table; fetal frame, mm.
 pub(in crate::phantom) fn cisterna_magna(attitude: &Attitude) -> [Vec3; 2] {
     let fossa = PosteriorFossa::of(&attitude.biometry);
     let back = fossa.vermis - Vec3::Z * (VERMIS_SEMI.z * fossa.size);

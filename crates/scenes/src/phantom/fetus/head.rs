@@ -21,7 +21,7 @@ pub(super) fn table(biometry: &Biometry) -> f32 {
     biometry.skull_thickness_mm / biometry.head_scale()
 }
 
-/// Skull grown by `margin`, slightly narrower in front than behind.
+/// Solid of the skull grown by `margin`, mm as drawn; slightly narrower in front than at the back.
 pub(super) fn cranium(biometry: &Biometry, margin: f32) -> Solid {
     let semi = semi(biometry);
     let whole = ellipsoid(Vec3::ZERO, semi + margin);
@@ -52,7 +52,7 @@ pub(super) fn outline(attitude: &Attitude) -> Solid {
     attitude.in_head(union([features, ear]))
 }
 
-/// Ends of the skull towards the face and the occiput, seen from the head's centre; fetal frame, mm.
+/// Front and back end of the skull on a line through the head's centre; fetal frame, mm.
 pub(in crate::phantom) fn occipitofrontal_ends(attitude: &Attitude) -> [Vec3; 2] {
     let skull = cranium(&attitude.biometry, 0.0);
     [Vec3::Z, Vec3::NEG_Z].map(|direction| {
@@ -77,7 +77,7 @@ fn skin_before(attitude: &Attitude, inner: Vec3) -> Vec3 {
     at(bisect(0.0, 20.0, 24, |forward| outline.distance_mm(at(forward)) < 0.0))
 }
 
-/// Balls that cover the head up to the skin, fetal frame, mm.
+/// Balls that cover the head up to the skin: centre and radius, fetal frame, mm.
 pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     let s = semi(&attitude.biometry) + SCALP_MM;
     let v = Vec3::new;

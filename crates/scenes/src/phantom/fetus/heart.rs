@@ -9,8 +9,8 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 /// Level of the four-chamber plane: T6 to T7.
 pub(in crate::phantom) const LEVEL: f32 = 13.4;
 
-/// Size of the heart relative to the drawing: it fills a quarter of the chest's area (0.25 to 0.33; Paladini et al.,
-/// Obstet Gynecol 75:1003, 1990).
+/// Scale from the model as drawn to the heart's size: it fills a quarter of the chest's area (0.25 to 0.33; Paladini et
+/// al., Obstet Gynecol 75:1003, 1990).
 const SIZE: f32 = 1.15;
 
 /// `fetus_from_heart`: origin at the heart's centre, y cranial (normal of the four-chamber plane), z ventral; in mm.
@@ -28,13 +28,13 @@ fn axes() -> (Vec3, Vec3, Vec3) {
     (apex, leftward, leftward.cross(apex))
 }
 
-/// Point `(a, b, c)` in the heart frame: towards the apex, towards the left heart, and out of the four-chamber plane.
+/// Point in the heart frame: `a` towards the apex, `b` towards the left heart, `c` out of the four-chamber plane.
 fn at(a: f32, b: f32, c: f32) -> Vec3 {
     let (apex, leftward, out) = axes();
     apex * a + leftward * b + out * c
 }
 
-/// Ellipsoid at `(a, b)` of the four-chamber plane, with its long axis along the axis of the heart.
+/// Ellipsoid centred at `(a, b)` in the four-chamber plane; its long axis is along the heart's.
 fn lobe(a: f32, b: f32, semi: Vec3) -> Solid {
     let (apex, leftward, _) = axes();
     // Local axes: y to the apex, z to the left heart.
@@ -55,7 +55,7 @@ pub(in crate::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec3; 4], Ve
     (CHAMBERS.map(|(a, b)| place(a, b)), place(-2.9, 0.0))
 }
 
-/// Muscle, chambers, and the structures in them.
+/// Heart muscle, chambers, and the structures in them.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let frame = heart_frame(attitude);
     let scale = attitude.biometry.trunk_scale();
@@ -83,7 +83,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
 /// Both leaflets of the mitral and tricuspid valve, half closed, the flap of the oval foramen and the moderator band.
 fn leaflets() -> Solid {
     let leaflet = |from: Vec3, to: Vec3| {
-        // A thin plate, as broad as the ring.
+        // A leaflet is a thin plate, as broad as the valve's ring.
         let along = to - from;
         let frame = Isometry::from_axes(0.5 * (from + to), along, axes().2);
         ellipsoid(Vec3::ZERO, Vec3::new(0.32, 0.5 * along.length() + 0.3, 2.1)).placed(frame)

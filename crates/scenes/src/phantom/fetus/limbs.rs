@@ -56,8 +56,8 @@ pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     legs.chain(arms).collect()
 }
 
-/// First pair of bones that cross, as text: of two limbs, or of a limb and the skull. `None` if no bones cross. Parts
-/// of a limb are numbered from the trunk: 0 to 2.
+/// First pair of crossing bones found, as text: bones of two limbs, or a bone and the skull. `None` if no bones cross.
+/// The three parts of a limb are numbered from the trunk: 0 to 2.
 pub(in crate::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> {
     let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let v = Vec3::new;
@@ -102,7 +102,7 @@ pub(in crate::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> 
 
 const LIMBS: [&str; 4] = ["left leg", "right leg", "left arm", "right arm"];
 
-/// Smallest distance between the segments from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision
+/// Smallest distance between two line segments, from `a` to `b` and from `c` to `d` (C. Ericson, Real-Time Collision
 /// Detection, section 5.1.9).
 fn segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> f32 {
     let (u, v, w) = (b - a, d - c, a - c);
@@ -160,32 +160,32 @@ fn hand() -> Solid {
     smooth_union(std::iter::once(palm_pad).chain(digits), 0.9)
 }
 
-/// Tips of a shaft of `length_mm`, centred between two joints.
+/// Both tips of a shaft of `length_mm` that lies midway between two joints.
 fn shaft_tips(from: Vec3, to: Vec3, length_mm: f32) -> [Vec3; 2] {
     let middle = 0.5 * (from + to);
     let half = 0.5 * length_mm * (to - from).normalize();
     [middle - half, middle + half]
 }
 
-/// Hip and knee tip of the ossified femur, fetal frame, mm.
+/// Hip and knee tip of the ossified femur, fetal frame, mm; `side` is 0 for left, 1 for right.
 pub(in crate::phantom) fn femur_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let leg = &attitude.legs[side];
     shaft_tips(leg.hip, leg.knee, attitude.biometry.femur_mm)
 }
 
-/// Shoulder and elbow tip of the ossified humerus, fetal frame, mm.
+/// Shoulder and elbow tip of the ossified humerus, fetal frame, mm; `side` is 0 for left, 1 for right.
 pub(in crate::phantom) fn humerus_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let arm = &attitude.arms[side];
     shaft_tips(arm.shoulder, arm.elbow, attitude.biometry.humerus_mm)
 }
 
-/// Knee and ankle tip of the ossified tibia, fetal frame, mm.
+/// Knee and ankle tip of the ossified tibia, fetal frame, mm; `side` is 0 for left, 1 for right.
 pub(in crate::phantom) fn tibia_tips(attitude: &Attitude, side: usize) -> [Vec3; 2] {
     let leg = &attitude.legs[side];
     shaft_tips(leg.knee, leg.ankle, attitude.biometry.tibia_mm)
 }
 
-/// Shaft from tip to tip, flared at its ends, slightly bowed towards `bow`.
+/// Shaft of a bone from tip to tip, flared at its ends, slightly bowed along `bow`. Radii: `middle_mm`, `end_mm`.
 fn shaft([a, b]: [Vec3; 2], middle_mm: f32, end_mm: f32, bow: Vec3) -> Solid {
     let along = (b - a).normalize();
     // The ends are balls with their centres one radius inside the tips.

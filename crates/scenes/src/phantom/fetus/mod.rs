@@ -1,4 +1,4 @@
-//! The fetus: organs in the fetal frame, placed in the scene at the end.
+//! The fetus. Its organs are modelled in the fetal frame and placed in the scene at the end.
 
 mod abdomen;
 mod brain;

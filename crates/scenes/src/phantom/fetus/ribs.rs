@@ -10,9 +10,9 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 /// Depth of the ribs below the skin, mm as drawn.
 const UNDER_SKIN_MM: f32 = 4.6;
 const RIB_RADIUS_MM: f32 = 0.85;
-/// Angle of each rib's end around the trunk, measured from the back, degrees.
+/// For each rib, the angle around the trunk at which it ends, measured from the back, degrees.
 const REACH_DEG: [f32; 12] = [115.0, 122.0, 128.0, 130.0, 130.0, 128.0, 124.0, 118.0, 110.0, 100.0, 76.0, 52.0];
-/// Number of levels that a rib descends from its vertebra to the front.
+/// Descent of a rib from the back to the front midline, in vertebrae; most ribs end before.
 const FALL_LEVELS: f32 = 2.4;
 
 /// Ribs and sternum.

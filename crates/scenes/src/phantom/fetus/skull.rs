@@ -1,7 +1,7 @@
 //! Vault of the fetal skull with its sutures and fontanelles.
 //!
 //! The skull is a solid that contains the brain's surfaces. Sutures and fontanelles are membrane instead of bone: a
-//! surface of higher priority that cuts through the table at the gaps between the bones.
+//! surface of higher priority that replaces the bone in the gaps.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Solid, bisect, ellipsoid, sweep, union};
@@ -11,7 +11,7 @@ use crate::phantom::attitude::Attitude;
 use crate::phantom::biometry::Biometry;
 use crate::phantom::organ::{Body::Fetus, Organ};
 
-/// Skull, and the membranes of its gaps.
+/// Skull, and the membranes in the gaps between its bones.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let biometry = &attitude.biometry;
     let scale = biometry.head_scale();
@@ -32,7 +32,8 @@ fn gaps(biometry: &Biometry) -> Solid {
     let semi = head::semi(biometry);
     let outer = head::cranium(biometry, MEMBRANE_MARGIN_MM);
     let inner = head::cranium(biometry, -(head::table(biometry) + MEMBRANE_MARGIN_MM));
-    // Point of the skull on a ray from the head's centre: the vault is drawn for semi-axes of 27.9, 29.75 and 35 mm.
+    // Point of the skull on a ray from the head's centre. `x`, `y` and `z` give the ray for the skull as drawn, with
+    // semi-axes of 27.9, 29.75 and 35 mm.
     let on_skull = {
         let skull = head::cranium(biometry, 0.0);
         move |x: f32, y: f32, z: f32| {
@@ -40,7 +41,7 @@ fn gaps(biometry: &Biometry) -> Solid {
             direction * bisect(0.0, 80.0, 24, |t| skull.distance_mm(direction * t) < 0.0)
         }
     };
-    // A suture is a tube along the bone's edge, thicker than the bone, cut to the table's depth.
+    // A suture is a tube along the bone's edge, thicker than the bone and trimmed at the bone's outer and inner side.
     let line = |points: &[Vec3], half_width: f32| {
         let fine: Vec<(Vec3, f32)> = points
             .windows(2)

@@ -34,7 +34,7 @@ fn taper(level: f32) -> f32 {
     1.0 - 0.35 * ((level - 20.0) / 6.0).clamp(0.0, 1.0)
 }
 
-/// One centre in each body and one in each half of the arch.
+/// Ossified vertebrae: one centre in each body and one in each half of the arch.
 fn vertebrae(attitude: &Attitude) -> Solid {
     let scale = attitude.biometry.trunk_scale();
     union((0..VERTEBRAE).map(|i| {

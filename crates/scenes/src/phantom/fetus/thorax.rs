@@ -54,7 +54,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         ]),
         sweep(&[line(10.8, 0.0, 9.0, 1.0), line(11.8, 4.6, 10.2, 0.8)]),
         sweep(&[line(10.8, 0.0, 9.0, 1.0), line(11.8, -4.6, 10.2, 0.8)]),
-        // Between palate and tongue.
+        // Air between palate and tongue.
         sweep(&[head(0.0, -24.6, 26.0, 0.7), head(0.0, -23.8, 16.0, 0.9), head(0.0, -23.5, 8.0, 1.2)]),
         nostril(1.0),
         nostril(-1.0),

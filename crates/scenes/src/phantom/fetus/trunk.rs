@@ -7,10 +7,10 @@ use crate::phantom::attitude::Attitude;
 
 /// Level of the stomach and the umbilical vein, where the abdominal circumference is measured: between T11 and T12.
 pub(in crate::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
-/// Level of the umbilical cord's insertion.
+/// Level of the umbilical cord's insertion in the belly.
 pub(in crate::phantom) const NAVEL_LEVEL: f32 = 21.2;
 
-/// Level, and radius of the trunk at the skin relative to the radius of the abdomen.
+/// Level along the spine, and radius of the trunk at the skin there, relative to the radius of the abdomen.
 const PROFILE: [(f32, f32); 11] = [
     (2.5, 0.42),
     (5.0, 0.46),
@@ -39,7 +39,7 @@ pub(super) fn knots(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     knots.collect()
 }
 
-/// Trunk and neck up to `under_skin` (mm as drawn) below the skin, fetal frame.
+/// Solid of trunk and neck up to the depth `under_skin` (mm as drawn) below the skin, fetal frame.
 pub(super) fn trunk(attitude: &Attitude, under_skin: f32) -> Solid {
     let under_skin = under_skin * attitude.biometry.trunk_scale();
     let line = catmull_rom(&knots(attitude), 8);
@@ -58,8 +58,8 @@ pub(in crate::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 
     attitude.trunk(level, 0.0, drawn_radius(level) - BACK_MM)
 }
 
-/// Point at `depth` (mm as drawn) under the trunk's skin at `level`, fetal frame, mm. `angle` counts from the back
-/// towards `side`, rad.
+/// Point at `depth` (mm as drawn) under the trunk's skin at `level`, fetal frame, mm. `angle`, rad, is measured around
+/// the trunk from the back towards `side` (1 for left, −1 for right).
 pub(super) fn under_skin(attitude: &Attitude, level: f32, side: f32, angle: f32, depth: f32) -> Vec3 {
     let radius = drawn_radius(level);
     let out = radius - depth;

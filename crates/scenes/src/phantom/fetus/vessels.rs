@@ -10,7 +10,7 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 /// Thickness of a great vessel's wall, mm as drawn.
 const WALL_MM: f32 = 0.4;
 
-/// Position and radius of a vessel's centre line: level, left, ventral and radius, mm as drawn.
+/// Knot of a vessel's centre line: level, distances left and ventral of the spine, and radius, mm as drawn.
 type Knot = (f32, f32, f32, f32);
 
 /// Ascending aorta from the left ventricle, arch, descending aorta to its bifurcation.
@@ -46,7 +46,7 @@ const SUPERIOR_CAVA: &[Knot] = &[(9.0, -4.5, 12.5, 1.3), (11.5, -5.0, 14.0, 1.45
 const INFERIOR_CAVA: &[Knot] =
     &[(13.9, -4.4, 15.2, 1.5), (15.5, -4.6, 13.0, 1.5), (18.0, -4.4, 8.4, 1.4), (22.3, -2.2, 5.6, 1.2)];
 /// Umbilical vein. In the plane of the abdominal circumference it runs backward and turns right like a hockey stick;
-/// the turn is the portal sinus.
+/// the bend is the portal sinus.
 const UMBILICAL_VEIN: &[Knot] = &[
     (NAVEL_LEVEL, 0.0, 41.5, 1.6),
     (19.6, 0.3, 38.5, 1.7),
@@ -71,7 +71,7 @@ const LIVER_VEINS: [&[Knot]; 7] = [
 /// Venous duct, narrow, from the portal sinus to the cava.
 const VENOUS_DUCT: &[Knot] = &[(17.7, -1.6, 23.0, 0.6), (16.6, -3.2, 18.0, 0.6), (15.6, -4.4, 14.0, 0.9)];
 
-/// Turn of the umbilical vein into the portal sinus, fetal frame, mm.
+/// Bend of the umbilical vein into the portal sinus, fetal frame, mm.
 pub(in crate::phantom) fn portal_sinus(attitude: &Attitude) -> Vec3 {
     attitude.trunk(PORTAL_SINUS.0, PORTAL_SINUS.1, PORTAL_SINUS.2)
 }

@@ -1,7 +1,7 @@
 //! Skin, fat, fasciae, muscles and peritoneum of a pregnant belly, and the tissue inside.
 //!
 //! Thin layers are the difference of thick closed solids. Each layer's solid extends inward, and the next layer, of
-//! higher priority, hides the rest. A layer of half a millimetre thus needs no fine mesh.
+//! higher priority, hides the part below it. A layer of half a millimetre thus needs no fine mesh.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Bounds, Solid, bisect, ellipsoid, half_space, rounded_box, smooth_union};
@@ -10,7 +10,7 @@ use super::proportions::Proportions;
 use crate::phantom::organ::{Body::Mother, Organ};
 use crate::phantom::parameters::Parameters;
 
-/// Height of the belly's skin above the reference cavity at [`REFERENCE_FAT_MM`], mm.
+/// Height of the belly's skin above the reference cavity (22 weeks) at [`REFERENCE_FAT_MM`], mm.
 const BELLY_ABOVE_CAVITY_MM: f32 = 33.0;
 
 pub(super) const SKIN_MM: f32 = 2.0;
@@ -21,14 +21,14 @@ const POSTERIOR_FASCIA_MM: f32 = 0.5;
 const PREPERITONEAL_FAT_MM: f32 = 0.8;
 const PERITONEUM_MM: f32 = 0.5;
 
-/// Depths under the deep fascia's outer side at which flat muscles and the fasciae between them begin, mm: external
-/// oblique, fascia, internal oblique, fascia, transversus. They thin in pregnancy; their relative thicknesses are after
-/// Rankin et al., Muscle Nerve 34:320 (2006).
+/// Depths under the outer side of the deep fascia at which the layers of the flank begin, mm: external oblique, fascia,
+/// internal oblique, fascia, transversus. The muscles thin in pregnancy; their relative thicknesses are after Rankin et
+/// al., Muscle Nerve 34:320 (2006).
 const FLAT_MUSCLES_MM: [f32; 5] = [FASCIA_MM, 3.0, 3.4, 6.0, 6.4];
 
 /// Layers of the wall, defined relative to the deep fascia.
 pub(super) struct AbdominalWall {
-    /// Torso inside the deep fascia's outer side.
+    /// Solid of the torso up to the outer side of the deep fascia, which lies under the fat.
     pub(super) under_fat: Solid,
     /// Thickness of the subcutaneous fat, mm.
     pub(super) fat_mm: f32,
@@ -51,7 +51,7 @@ impl AbdominalWall {
         Self { under_fat, fat_mm, proportions, recti_lens }
     }
 
-    /// Torso up to `depth_mm` below the skin's outer side.
+    /// Solid of the torso up to `depth_mm` below the skin's outer side.
     pub(super) fn under_skin(&self, depth_mm: f32) -> Solid {
         self.under_fat.grown(self.fat_mm + SKIN_MM - depth_mm)
     }
@@ -68,7 +68,7 @@ impl AbdominalWall {
         bisect(0.0, 600.0, 40, |height| skin.distance_mm(Vec3::Z * height) < 0.0)
     }
 
-    /// Skin, fat, fasciae, muscles, peritoneum and interior: closed surfaces, each around the next.
+    /// Skin, fat, fasciae, muscles, peritoneum and interior: closed surfaces, one around the next.
     pub(super) fn organs(&self) -> Vec<Organ> {
         let under_sheath = FASCIA_MM + MUSCLE_MM;
         let under_fascia = under_sheath + POSTERIOR_FASCIA_MM;
@@ -102,14 +102,14 @@ impl AbdominalWall {
         76.0 + 0.5 * self.proportions.excess.x
     }
 
-    /// Both recti, left and right of the linea alba, which is wide in pregnancy because they separate.
+    /// Both rectus muscles, left and right of the linea alba, which is wide in pregnancy because the muscles separate.
     fn recti(&self) -> Solid {
         let sheath = self.under_fat.grown(-FASCIA_MM);
         // The solid is at least as deep as a mesh cell; the posterior sheath hides the part below it.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
         let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
         let (half_width, under_fat) = (self.alba_half_width_mm(), self.under_fat.clone());
-        // Without fat behind the linea alba it narrows inward, where the edges of the recti are rounded.
+        // Without fat behind the linea alba, the linea narrows inward, where the edges of the recti are rounded.
         let narrowing = if self.recti_lens { 0.0 } else { 0.45 * half_width };
         let alba = Solid::new(Bounds::EVERYWHERE, move |p| {
             let part = (-under_fat.distance_mm(p) / (FASCIA_MM + MUSCLE_MM)).clamp(0.0, 1.0);
@@ -120,13 +120,13 @@ impl AbdominalWall {
         sheath.subtract(deep).smooth_intersect(band, 4.0).with_mirror_image()
     }
 
-    /// Half the width of the linea alba's outer side, mm.
+    /// Half width of the linea alba at its outer side, mm.
     fn alba_half_width_mm(&self) -> f32 {
         4.0 + 0.1 * self.proportions.excess.x.max(0.0)
     }
 
-    /// Region deeper than `depth_mm` under the fat. With the lens of fat between the recti, the region begins higher
-    /// behind the linea alba, which is then thinner than the adjacent muscles.
+    /// Region deeper than `depth_mm` under the fat. If fat fills the gap between the recti, the region bulges outward
+    /// in the midline, so that the linea alba is thinner than the muscles.
     fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
         let layer = self.under_fat.grown(-depth_mm);
         if !self.recti_lens {
@@ -150,16 +150,17 @@ impl AbdominalWall {
         sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0).with_mirror_image()
     }
 
-    /// z coordinate at which the front of the belly ends and its flanks begin, mm.
+    /// z coordinate of the border between the belly's front and its flanks, mm.
     fn front_mm(&self) -> f32 {
         -20.0 + self.proportions.skeleton_shift().z
     }
 
-    /// Flanks from `depth_mm` under the fat inward, beyond the lineae semilunares and in front of the loins.
+    /// Layer of the flank that begins at `depth_mm` under the fat: lateral of the lineae semilunares, in front of the
+    /// loins.
     fn flat_muscle(&self, depth_mm: f32) -> Solid {
         let layer = self.under_fat.grown(-depth_mm);
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 12.0));
-        // Deeper muscles end further from the midline.
+        // Deeper muscles end farther from the midline.
         let edge = self.semilunaris_mm() + 1.0 + 0.6 * depth_mm;
         let beyond = half_space(Vec3::X * edge, Vec3::new(-0.94, 0.0, 0.34));
         let loins = half_space(Vec3::Z * (self.front_mm() - 50.0), Vec3::NEG_Z);

@@ -8,7 +8,7 @@ use super::proportions::Proportions;
 use crate::phantom::organ::{Body::Mother, Organ};
 use crate::phantom::parameters::Parameters;
 
-/// Centre of the bladder's lumen in the reference body, mm.
+/// Centre of the bladder's lumen in the reference body (22 weeks), mm.
 const CENTRE_22_MM: Vec3 = Vec3::new(0.0, -118.0, 19.0);
 
 /// Centre of the bladder's lumen, mm.

@@ -51,7 +51,7 @@ fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
         };
         let knots: Vec<(Vec3, f32)> = knots.iter().enumerate().map(at).collect();
         let mut points = catmull_rom(&knots, 9);
-        // Haustra of the colon, every 18 mm.
+        // Haustra of the colon: the radius varies with a period of 18 mm.
         let mut length = 0.0;
         for i in 0..points.len() {
             length += points[i].0.distance(points[i.saturating_sub(1)].0);
@@ -62,13 +62,13 @@ fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
     LOOPS_22_MM.iter().enumerate().map(line).collect()
 }
 
-/// Loops shrunk by `inside_mm`, inside the belly.
+/// Loops within the belly, with all radii reduced by `inside_mm`.
 fn loops(lines: &[Vec<(Vec3, f32)>], inside_mm: f32, interior: &Solid) -> Solid {
     let tube = |line: &Vec<(Vec3, f32)>| sweep(&line.iter().map(|&(p, r)| (p, r - inside_mm)).collect::<Vec<_>>());
     union(lines.iter().map(tube)).smooth_intersect(interior.grown(-1.0 - inside_mm), 3.0)
 }
 
-/// Pockets of gas of uneven size at the front of the lumen.
+/// Pockets of gas of different sizes at the front of the lumen.
 fn gas(parameters: &Parameters, lines: &[Vec<(Vec3, f32)>]) -> Solid {
     let seed = parameters.seed;
     let mut pockets = Vec::new();

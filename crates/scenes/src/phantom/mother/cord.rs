@@ -39,20 +39,20 @@ impl Cord {
         let size = growth(parameters).powf(0.8);
         let radius_mm = CORD_RADIUS_22_MM * size * (1.0 + 0.08 * vary(seed, 2000));
         let course = route(around, from, navel, radius_mm, seed);
-        // Roots end inside the placenta and the fetus.
+        // The ends of the line lie inside the placenta and the fetus.
         let mut knots = vec![from.at - from.away * ROOTED_MM];
         knots.extend(&course);
         knots.push(navel.at - navel.away * ROOTED_MM);
         let knots: Vec<(Vec3, f32)> = knots.into_iter().map(|p| (p, 0.0)).collect();
         let line = catmull_rom(&knots, 3).into_iter().map(|(p, _)| p).collect();
-        // Seven in eight wind to the left.
+        // The vessels of seven cords in eight wind to the left.
         let turn = if random(seed, 2001) < 0.875 { 1.0 } else { -1.0 };
         let pitch_mm = turn * PITCH_22_MM * size * (1.0 + 0.3 * vary(seed, 2002));
         Self { line, radius_mm, pitch_mm, phase: TAU * random(seed, 2003) }
     }
 
-    /// Vessel of `radius` at `offset` from the cord's centre, both in units of the cord's radius. It starts at
-    /// `phase`, rad, and is enlarged by `grown_mm`.
+    /// Vessel wound around the cord's centre line. Its radius and the distance of its centre from that line are in
+    /// units of the cord's radius. `phase` is its angle at the start, rad; `grown_mm` is added to its radius.
     fn winding(&self, [radius, offset]: [f32; 2], phase: f32, grown_mm: f32) -> Solid {
         let line = &self.line;
         let mut across = (line[1] - line[0]).any_orthonormal_vector();
@@ -60,7 +60,7 @@ impl Cord {
         let points: Vec<(Vec3, f32)> = (0..line.len())
             .map(|i| {
                 let tangent = (line[(i + 1).min(line.len() - 1)] - line[i.saturating_sub(1)]).normalize_or(Vec3::Y);
-                // Parallel transport along the line, without twist.
+                // The direction across the line is carried along by parallel transport, without twist.
                 across = (across - tangent * across.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
                 length += line[i].distance(line[i.saturating_sub(1)]);
                 let angle = self.phase + phase + TAU * length / self.pitch_mm;

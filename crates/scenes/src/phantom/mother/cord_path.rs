@@ -1,7 +1,8 @@
 //! Course of the umbilical cord through the fluid: from the placenta to the navel, past the fetus.
 //!
-//! A grid search finds a path with clearance on all sides. The path passes two points with much fluid, so that the
-//! cord hangs in loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
+//! A search on a grid of nodes finds a path with clearance on all sides. The path passes two points with much fluid, so
+//! that the cord hangs in loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and
+//! itself.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -14,7 +15,7 @@ use super::vary::random;
 
 /// Smallest clearance around the cord, mm.
 const CLEARANCE_MM: f32 = 1.0;
-/// Nodes along the longest axis of the grid.
+/// Number of nodes along the longest axis of the search grid.
 const NODES: f32 = 56.0;
 /// Rounds of relaxation.
 const ROUNDS: usize = 90;
@@ -29,7 +30,7 @@ pub(super) struct Surroundings<'a> {
     pub(super) fetus: &'a Solid,
 }
 
-/// End of the cord: its position and the direction into the fluid.
+/// End of the cord: its position `at`, and the unit direction `away` into the fluid.
 #[derive(Clone, Copy)]
 pub(super) struct End {
     pub(super) at: Vec3,
@@ -37,12 +38,12 @@ pub(super) struct End {
 }
 
 impl Surroundings<'_> {
-    /// Clearance at `p`, mm; negative inside an obstacle.
+    /// Distance from `p` to the nearest obstacle, mm; negative inside an obstacle.
     fn clearance_mm(&self, p: Vec3) -> f32 {
         (-self.cavity.distance_mm(p)).min(self.placenta.distance_mm(p)).min(self.fetus.distance_mm(p))
     }
 
-    /// Direction of increasing clearance.
+    /// Unit direction in which the clearance increases fastest; zero if there is none.
     fn uphill(&self, p: Vec3) -> Vec3 {
         const STEP_MM: f32 = 0.5;
         let d = |e: Vec3| self.clearance_mm(p + e * STEP_MM) - self.clearance_mm(p - e * STEP_MM);
@@ -70,13 +71,13 @@ pub(super) fn route(around: &Surroundings, placenta: End, navel: End, radius_mm:
     relax(around, resample(&line, 0.6 * radius_mm), &anchors, [placenta, navel], radius_mm)
 }
 
-/// Clearances on a regular grid about the cavity.
+/// Clearances at the nodes of a regular grid about the cavity.
 struct Grid {
     origin: Vec3,
     size: IVec3,
     cell_mm: f32,
     clearance_mm: Vec<f32>,
-    /// Clearance that the cord requires, from its centre line, mm.
+    /// Clearance required around the cord's centre line, mm.
     need_mm: f32,
 }
 
@@ -111,7 +112,7 @@ impl Grid {
         self.index(at).unwrap_or(0)
     }
 
-    /// The 26 neighbours and their distances.
+    /// The up to 26 neighbours of a node, each with its distance, mm.
     fn neighbours(&self, index: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let at = self.coordinates(index);
         (0..27).filter(|&n| n != 13).filter_map(move |n| {
@@ -120,7 +121,7 @@ impl Grid {
         })
     }
 
-    /// Cost per mm at a node: low clearance is expensive, obstacles are a last resort.
+    /// Cost of the path per mm at a node. Low clearance is expensive; a path through an obstacle is a last resort.
     fn price(&self, index: usize) -> f32 {
         let clearance = self.clearance_mm[index];
         let lack = ((self.need_mm - clearance) / self.need_mm).clamp(0.0, 1.0);
@@ -128,11 +129,12 @@ impl Grid {
         1.0 + comfort + 12.0 * lack * lack + if clearance < 0.5 { 60.0 - 4.0 * clearance.min(0.0) } else { 0.0 }
     }
 
-    /// Dijkstra's algorithm: cost from `from` to every node, and the predecessor of each.
+    /// Dijkstra's algorithm: for every node, the cost of the path from `from` and the node before it on that path.
+    /// Stops early once `to` is reached.
     fn spread(&self, from: usize, to: Option<usize>, price: &[f32]) -> (Vec<f32>, Vec<usize>) {
         let mut cost = vec![f32::MAX; price.len()];
         let mut before = vec![usize::MAX; price.len()];
-        // Costs are positive, so their bits have the same order.
+        // Costs are not negative, so their bits sort like their values.
         let mut queue = BinaryHeap::from([(Reverse(0u32), from)]);
         cost[from] = 0.0;
         while let Some((Reverse(bits), node)) = queue.pop() {
@@ -154,7 +156,7 @@ impl Grid {
         (cost, before)
     }
 
-    /// Two points with much fluid, distant from the ends and from each other, that the cord can reach.
+    /// Up to two points (mm) with much fluid that the cord can reach, far from its ends and from each other.
     fn stops(&self, from: Vec3, to: Vec3, seed: u64) -> Vec<Vec3> {
         let price: Vec<f32> = (0..self.clearance_mm.len()).map(|i| self.price(i)).collect();
         let (cost, _) = self.spread(self.node(from), None, &price);
@@ -169,7 +171,7 @@ impl Grid {
                 apart + 2.0 * clearance + 1.5 * self.need_mm * random(seed, 5000 + 100_000 * stop + i as u64)
             };
             let free = (0..price.len()).filter(|&i| {
-                // The point can be reached without passing an obstacle.
+                // Points that can be reached only through an obstacle are too expensive.
                 self.clearance_mm[i] > 1.1 * self.need_mm
                     && cost[i] < 5.0 * self.position(i).distance(from) + 20.0 * self.need_mm
                     && self.position(i).distance(from) < 16.0 * self.need_mm
@@ -184,7 +186,7 @@ impl Grid {
         stops
     }
 
-    /// Cheapest path between two points that avoids `earlier` parts of the cord.
+    /// Points of the cheapest path between two points that avoids the `earlier` parts of the cord, mm.
     fn path(&self, from: Vec3, to: Vec3, earlier: &[Vec3]) -> Vec<Vec3> {
         let joint = 2.5 * self.need_mm;
         let width = 2.0 * self.need_mm;
@@ -228,8 +230,8 @@ fn resample(line: &[Vec3], step_mm: f32) -> Vec<Vec3> {
     points
 }
 
-/// `line` straightened, with clearance from all obstacles. Points stay near `anchors` at first. The cord leaves both
-/// ends in their given directions.
+/// `line` straightened, with clearance from all obstacles. Its points stay near `anchors` during the first rounds. At
+/// both ends the cord runs in the given directions.
 fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2], radius_mm: f32) -> Vec<Vec3> {
     let need = radius_mm + CLEARANCE_MM;
     let step_mm = 0.6 * radius_mm;
@@ -240,7 +242,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
         line.par_iter_mut().enumerate().skip(1).take(last - 1).for_each(|(i, p)| {
             let here = old[i];
             let mut moved = (old[i - 1] + old[i + 1] - 2.0 * here) * 0.3;
-            // The ends leave straight.
+            // The cord is straight near its ends.
             for (end, steps) in [(ends[0], i), (ends[1], last - i)] {
                 let out = steps as f32 * step_mm;
                 if out < 1.6 * need {
@@ -268,7 +270,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
             line = resample(&line, step_mm);
         }
     }
-    // Bends stay wider than the cord's jelly allows.
+    // Smoothing widens bends that are too tight for the cord's jelly.
     for _ in 0..4 {
         let old = line.clone();
         for i in 2..line.len().saturating_sub(2) {
@@ -281,7 +283,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
     line
 }
 
-/// Displacement of point `i` of `line` that keeps non-adjacent parts of the cord apart.
+/// Displacement of point `i` of `line`, mm, away from the nearest other part of the cord.
 fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
     let least = 2.0 * radius_mm + 2.0 * CLEARANCE_MM;
     // Only the nearest point pushes: its neighbours would push the same way.

@@ -1,8 +1,8 @@
 //! Septa of the subcutaneous fat: a slab of connective tissue over the front of the belly, filled with lobules of fat.
 //!
-//! The gaps between lobules are sheets half a millimetre thin. The lobules of a lattice are distributed over eight
-//! surfaces by the parity of their indices. Two lobules of the same surface thus have another lobule between them, so
-//! a coarse mesh keeps them separate.
+//! The gaps between lobules are sheets half a millimetre thin. The lobules form a lattice. They are distributed over
+//! eight surfaces by the parity of their three lattice indices. Two lobules of one surface thus have another lobule
+//! between them, so a coarse mesh keeps them separate.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Bounds, Solid};
@@ -18,32 +18,32 @@ const SEPTUM_MM: f32 = 0.5;
 const LOBULES: [i32; 2] = [7, 9];
 /// Approximate depth of a lobule, mm.
 const LOBULE_DEPTH_MM: f32 = 6.5;
-/// Most layers of lobules: thick fat has larger ones.
+/// Largest number of layers of lobules; in thick fat the lobules are larger instead.
 const LAYERS_MAX: i32 = 3;
 /// z coordinate of the axis about which angles across the belly are measured, mm.
 const AXIS_Z_MM: f32 = -40.0;
-/// Largest deviation of the lobules from their straight lattice for fat up to [`MODERATE_FAT_MM`], mm.
+/// Largest displacement of the bent lattice from a straight one for fat up to [`MODERATE_FAT_MM`], mm.
 const BENT_MM: f32 = 24.0;
-/// Fat thickness above which oblique septa extend farther, mm. Each further mm of fat extends them by 1 mm along and
-/// across the belly. It also deepens them, as the belly slopes at its ends.
+/// Fat thickness, mm, up to which the lattice's bounds have a fixed margin. Each further mm of fat widens the margin by
+/// 1 mm across and along the belly. It deepens it by `DEPTH_PER_MM_OF_FAT`, as the belly slopes at its ends.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
-/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so that side shows no
-/// septum.
+/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so they hide that side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
-/// Distance of the lowest lobules from the fascia, mm. Below them lies the fat of `muscle_border`.
+/// Distance of the deepest lobules from the fascia, mm. Below them lies the fat of `muscle_border`.
 const ABOVE_FASCIA_MM: f32 = 0.6;
-/// Depth by which the lowest lobules cover the slab's lower side, mm.
+/// Depth by which the deepest lobules cover the slab's inner side, mm.
 const COVER_MM: f32 = 0.3;
 
-/// Coordinates in the fat: across and along the belly, and depth under the skin's outer side.
+/// Lattice of the lobules. Its coordinates are distances across and along the belly, and depth under the skin's outer
+/// side.
 #[derive(Clone)]
 struct Lattice {
     skin: Solid,
     /// Half extent of the septa across and along the belly, mm.
     half_mm: [f32; 2],
-    /// Radius that converts the angle about the axis to a length, mm.
+    /// Radius that converts the angle about the axis to a length across the belly, mm.
     radius_mm: f32,
     layers: i32,
     fat_mm: f32,
@@ -79,12 +79,12 @@ impl Lattice {
         }
     }
 
-    /// Coordinates of a point: across and along the belly, and depth, mm.
+    /// Coordinates of a point in the scene: across and along the belly, and depth, mm.
     fn coordinates(&self, p: Vec3) -> Vec3 {
         Vec3::new(self.radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y, -self.skin.distance_mm(p))
     }
 
-    /// Bent lattice coordinates, mm: septa are wavy, and oblique at depth.
+    /// Coordinates displaced such that the septa become wavy, and oblique at depth, mm.
     fn bent(&self, q: Vec3) -> Vec3 {
         let f = &self.phases;
         let part = ((q.z - SKIN_MM) / self.fat_mm).clamp(0.0, 1.0);
@@ -99,32 +99,32 @@ impl Lattice {
     }
 
     fn layer_mm(&self) -> f32 {
-        // The lowest lobules end a septum's half thickness above their lattice cell.
+        // The deepest lobules end half a septum above the end of their lattice cell.
         (self.fat_mm - ABOVE_FASCIA_MM - 0.2 + 0.5 * SEPTUM_MM) / self.layers as f32
     }
 
-    /// Slab that contains the septa.
+    /// Slab of connective tissue, of which the lobules leave the septa.
     fn slab(&self) -> Solid {
         let lattice = self.clone();
         // The slab ends inside the outermost lobules, which thus cover its sides.
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.coordinates(p);
-            // The slab ends inside the lowest lobules, so its lower side shows no septum.
+            // The slab ends inside the deepest lobules, so they hide its inner side.
             let deep = q.z - (SKIN_MM + lattice.fat_mm - ABOVE_FASCIA_MM - COVER_MM);
             let outside = (q.x.abs() - across).max(q.y.abs() - along);
             outside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)
         })
     }
 
-    /// Lobules of one parity.
+    /// Lobules whose lattice indices have the given parities.
     fn lobules(&self, parity: [i32; 3]) -> Solid {
         let lattice = self.clone();
         let [across, along] = self.half_mm;
         let size = Vec3::new(2.0 * across / LOBULES[0] as f32, 2.0 * along / LOBULES[1] as f32, self.layer_mm());
         let rounding = 0.2 * size.z.min(10.0);
         let core = 0.5 * (size - SEPTUM_MM) - rounding;
-        // Nearest lattice index of that parity, within 0..count.
+        // Nearest lattice index of the given parity, within 0..count.
         let nearest = |x: f32, parity: i32, count: i32| {
             let i = 2 * ((x - 0.5 - parity as f32) * 0.5).round() as i32 + parity;
             let last = (count - 1) - (count - 1 - parity).rem_euclid(2);
@@ -133,7 +133,7 @@ impl Lattice {
         Solid::new(self.bounds(), move |p| {
             let q = lattice.bent(lattice.coordinates(p));
             let j = nearest((q.y + along) / size.y, parity[1], LOBULES[1]);
-            // Rows are offset like bricks.
+            // Rows are offset against each other like bricks.
             let offset = if j % 2 == 0 { 0.25 } else { -0.25 };
             let i = nearest((q.x + across) / size.x - offset, parity[0], LOBULES[0]);
             let k = nearest((q.z - SKIN_MM - 0.2) / size.z, parity[2], lattice.layers);

@@ -52,7 +52,7 @@ pub(super) fn cavity(parameters: &Parameters) -> Solid {
     uterus::cavity(cavity_semi_mm(parameters))
 }
 
-/// The fetus up to its skin, and its navel; scene frame.
+/// Solid of the fetus up to its skin, and the cord's end at the navel; scene frame.
 fn fetus_in_scene(attitude: &Attitude) -> (Solid, End) {
     let scene_from_fetus = attitude.scene_from_fetus;
     let ventral = attitude.vertebra(fetus::NAVEL_LEVEL).vector(Vec3::Z);

@@ -1,8 +1,8 @@
 //! Border between the subcutaneous fat and the muscles under it: lobules of fat that indent the deep fascia.
 //!
-//! Sound is slower in fat than in muscle, so the border's relief delays a wavefront by 57 ns per mm. Its waves are as
-//! long as small lobules. Longer waves are left out: they would tilt or focus a scanner's beam, whereas the walls of
-//! people scatter it like frosted glass.
+//! Sound is slower in fat than in muscle, so the border's relief delays a wavefront by 57 ns per mm of height. The
+//! relief's wavelengths are those of small lobules. Longer waves are left out: they would tilt or focus a scanner's
+//! beam, whereas the abdominal walls of people scatter it like frosted glass.
 
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -16,23 +16,23 @@ use super::vary::random;
 use crate::phantom::organ::{Body::Mother, Organ};
 use crate::phantom::parameters::Parameters;
 
-/// Number of waves of the relief.
+/// Number of sine waves that the relief consists of.
 const WAVES: u64 = 24;
-/// Shortest and longest wave, mm.
+/// Shortest and longest wavelength, mm.
 const WAVE_MM: [f32; 2] = [13.0, 20.0];
-/// Angle about the axis that the relief spans on each side, rad: to the flanks, where a probe faces the opposite
-/// flank.
+/// Half the angle about the axis that the relief spans, rad. The relief reaches the flanks, where a probe on the other
+/// flank points.
 const HALF_ANGLE: f32 = 1.62;
-/// Smoothing term of the division by the waves' envelope, as power relative to the mean. Where the envelope is weak,
-/// it keeps the relief finite.
+/// Power added to the squared envelope before the waves are divided by it, relative to the mean power. It keeps the
+/// relief finite where the envelope is weak.
 const EVEN_POWER: f32 = 0.25;
-/// Depth of the relief's mean under the even fascia, relative to its RMS.
+/// Mean depth of the relief under the even fascia, relative to the relief's RMS.
 const MEAN: f32 = 1.45;
-/// Width of the rim over which the relief fades, mm.
+/// Width of the rim in which the relief fades out, mm.
 const RIM_MM: f32 = 12.0;
-/// Height of the added fat's upper side above the even fascia, mm: at least a mesh cell.
+/// Height of the upper side of the added fat above the even fascia, mm: at least a mesh cell.
 const UPPER_MM: f32 = 5.0;
-/// Width over which the edges of the rim are rounded, mm.
+/// Width over which the edges of the added fat are rounded, mm.
 const ROUNDED_MM: f32 = 8.0;
 /// z coordinate of the axis about which angles across the belly are measured, mm.
 const AXIS_Z_MM: f32 = -40.0;
@@ -52,7 +52,7 @@ struct Wave([f32; 3]);
 fn waves(seed: u64) -> Arc<[Wave]> {
     let wave = |i: u64| {
         let [length, turn, phase] = [0, 1, 2].map(|k| random(seed, 1000 + 3 * i + k));
-        // The lengths are spread over equal logarithmic parts of the range, the directions over equal angles.
+        // Wavelengths are spread over equal logarithmic parts of their range, directions over equal angles.
         let part = (i as f32 + length) / WAVES as f32;
         let number = TAU / (WAVE_MM[0] * (WAVE_MM[1] / WAVE_MM[0]).powf(part));
         let direction = 0.5 * TAU * ((7 * i % WAVES) as f32 + turn) / WAVES as f32;
@@ -61,14 +61,14 @@ fn waves(seed: u64) -> Arc<[Wave]> {
     (0..WAVES).map(wave).collect()
 }
 
-/// The border and its extent.
+/// The border between fat and muscles, and its extent.
 struct Border {
     under_fat: Solid,
     waves: Arc<[Wave]>,
     rms_mm: f32,
     /// Half extent of the relief across and along the belly, mm.
     half_mm: [f32; 2],
-    /// Radius that converts the angle about the axis to a length, mm.
+    /// Radius that converts the angle about the axis to a length across the belly, mm.
     radius_mm: f32,
     upper_mm: f32,
 }
@@ -87,8 +87,8 @@ impl Border {
         }
     }
 
-    /// Depth of the border under the outer side of the even fascia, mm, at (`u`, `v`), mm across and along the belly.
-    /// `outside` is the distance outside the extent, mm; negative within it.
+    /// Depth of the border under the outer side of the even fascia, mm, at the point `u` mm across and `v` mm along the
+    /// belly. `outside` is the distance of the point outside the relief's extent, mm; negative within it.
     fn depth_mm(&self, u: f32, v: f32, outside: f32) -> f32 {
         // All waves have directions within half a turn, so their sum has an envelope. Divided by it, the relief is
         // equally strong everywhere.
@@ -96,13 +96,13 @@ impl Border {
         let sum = (2.0 / WAVES as f32).sqrt() * self.waves.iter().map(turn).sum::<Vec2>();
         let relief = sum.x / (EVEN_POWER + 0.5 * sum.length_squared()).sqrt();
         let depth = self.rms_mm * (MEAN + relief);
-        // At the rim the border rises into the fat, so that fascia joins fascia.
+        // At the rim the border rises to the height at which the fascia continues outside.
         let inward = (-outside / RIM_MM).clamp(0.0, 1.0);
         let part = inward * inward * (3.0 - 2.0 * inward);
         depth * part - FASCIA_MM * (1.0 - part)
     }
 
-    /// The fat above the border.
+    /// Solid of the fat above the border.
     fn solid(self) -> Solid {
         let along = self.half_mm[1];
         let outer = self.under_fat.bounds().grown(self.upper_mm + 1.0);

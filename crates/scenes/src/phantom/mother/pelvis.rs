@@ -43,7 +43,7 @@ fn hip_bones() -> Solid {
     let wing = sphere(centre, 104.0)
         .subtract(sphere(centre, 95.0))
         .smooth_intersect(ellipsoid(Vec3::new(88.0, -82.0, -48.0), Vec3::new(46.0, 52.0, 44.0)), 6.0);
-    // From the wing's back to the joint with the sacrum.
+    // A buttress from the back of the iliac wing to its joint with the sacrum.
     let buttress = round_cone(Vec3::new(70.0, -88.0, -72.0), Vec3::new(54.0, -84.0, -90.0), 8.0, 9.0);
     smooth_union([pubis, ischium, socket, wing, buttress], 8.0).with_mirror_image()
 }

@@ -1,4 +1,5 @@
-//! The placenta: its site, its body between basal and chorionic plate, its lobes and blood lakes, and its bed.
+//! The placenta: its site, its body between basal and chorionic plate, its lobes and blood lakes, and the bed in the
+//! wall.
 
 use std::f32::consts::TAU;
 
@@ -16,7 +17,7 @@ use crate::phantom::parameters::{Parameters, PlacentaSite};
 const RADIUS_22_MM: f32 = 72.0;
 /// Largest thickness, mm.
 const THICKNESS_MAX_MM: f32 = 40.0;
-/// Depth to which the placenta extends into the wall, mm; leaves no film of fluid between them.
+/// Depth to which the placenta extends into the uterine wall, mm; thus no film of fluid remains between them.
 const SEATED_MM: f32 = 1.0;
 /// Thickness of the chorionic and the basal plate, mm.
 const PLATE_MM: f32 = 0.8;
@@ -26,7 +27,7 @@ const LOBE_22_MM: f32 = 29.0;
 const LOBES_MM: f32 = 1.7;
 /// Smallest layer of fluid between fetus and placenta, mm.
 const FETAL_GAP_MM: f32 = 2.5;
-/// Thickness of the hypoechoic zone of decidua and myometrium behind the placenta, mm.
+/// Thickness of the placenta's bed, mm: hypoechoic decidua and myometrium in the adjacent wall.
 const BED_MM: f32 = 5.0;
 
 /// Site and size of a placenta.
@@ -38,7 +39,7 @@ pub(super) struct Placenta {
     wall: Vec3,
     /// Outward normal of the wall at that point.
     outward: Vec3,
-    /// Centres of the lobes in the tangent plane.
+    /// Centres of the lobes in the plane tangent to the wall at `wall`, mm.
     lobes: std::sync::Arc<[Vec2]>,
 }
 
@@ -47,7 +48,7 @@ impl Placenta {
         let semi = cavity_semi_mm(parameters);
         let cavity = cavity(parameters);
         let seed = parameters.seed;
-        // In units of the cavity's semi-axes.
+        // Directions in units of the cavity's semi-axes.
         let towards = match parameters.placenta {
             PlacentaSite::Anterior => Vec3::new(0.34, 0.44, 0.83),
             PlacentaSite::Posterior => Vec3::new(-0.22, 0.38, -0.90),
@@ -57,7 +58,7 @@ impl Placenta {
         };
         let about = Vec3::new(vary(seed, 701), vary(seed, 702), vary(seed, 703)) * 0.12;
         let direction = ((towards + about) * semi).normalize();
-        // The cavity is convex about the origin: bisection along the ray.
+        // The cavity is convex about the origin, so bisection along the ray finds its wall.
         let far = 2.0 * semi.max_element();
         let wall = direction * bisect(0.0, far, 40, |t| cavity.distance_mm(direction * t) < 0.0);
         let outward = cavity.normal(wall);
@@ -66,7 +67,7 @@ impl Placenta {
         placenta
     }
 
-    /// Radius of the placenta from centre to rim along the wall, mm. It grows less than the fetus.
+    /// Radius of the placenta from centre to rim along the wall, mm. It grows less than the fetus does.
     pub(super) fn radius_mm(&self) -> f32 {
         RADIUS_22_MM * growth(&self.parameters).powf(0.55) * (1.0 + 0.05 * vary(self.parameters.seed, 704))
     }
@@ -83,42 +84,42 @@ impl Placenta {
         (self.wall - self.outward * (0.5 * self.thickness_mm()), self.outward)
     }
 
-    /// A point of the wall outside the placenta's rim.
+    /// A point of the wall slightly outside the placenta's rim.
     pub(super) fn outside_rim(&self) -> Vec3 {
         let turn = TAU * random(self.parameters.seed, 706);
         self.on_wall(Vec2::from_angle(turn) * 1.25 * self.radius_mm())
     }
 
-    /// Two directions along the wall.
+    /// Two perpendicular unit directions along the wall at the placenta's centre.
     fn tangents(&self) -> [Vec3; 2] {
         let across = self.outward.any_orthonormal_vector();
         [across, self.outward.cross(across)]
     }
 
-    /// Point of the wall nearest to `(a, b)` of the tangent plane.
+    /// Point of the wall nearest to the point `at` of the tangent plane, mm.
     pub(super) fn on_wall(&self, at: Vec2) -> Vec3 {
         let [a, b] = self.tangents();
         self.under_wall(self.wall + a * at.x + b * at.y, 0.0)
     }
 
-    /// Point near `p` at `depth_mm` under the wall.
+    /// Point near `p` in the cavity, `depth_mm` from its wall; within the wall for negative depths.
     pub(super) fn under_wall(&self, p: Vec3, depth_mm: f32) -> Vec3 {
         (0..10).fold(p, |p, _| p - self.cavity.normal(p) * (self.cavity.distance_mm(p) + depth_mm))
     }
 
-    /// Unit direction into the cavity at a point of the wall.
+    /// Unit direction from a point of the wall into the cavity.
     pub(super) fn inward(&self, on_wall: Vec3) -> Vec3 {
         -self.cavity.normal(on_wall)
     }
 
-    /// Point on the fetal side of `body` under the point `on_wall`; `None` beyond the rim.
+    /// Point where the inward normal at `on_wall` leaves `body` on the fetal side; `None` beyond the placenta's rim.
     pub(super) fn fetal_side(&self, body: &Solid, on_wall: Vec3) -> Option<Vec3> {
         let inward = self.inward(on_wall);
         let is_inside = |depth: f32| body.distance_mm(on_wall + inward * depth) < 0.0;
         is_inside(1.0).then(|| on_wall + inward * bisect(1.0, 1.6 * self.thickness_mm(), 30, is_inside))
     }
 
-    /// Lobes on a hexagonal lattice, displaced at random.
+    /// Centres of lobes in the tangent plane, mm: a hexagonal lattice with random displacements.
     fn lobe_centres(&self) -> Vec<Vec2> {
         let width = LOBE_22_MM * growth(&self.parameters).powf(0.55);
         let seed = self.parameters.seed;
@@ -137,7 +138,7 @@ impl Placenta {
         centres
     }
 
-    /// Approximate distance of `p` from the border between two lobes, mm, seen from the wall.
+    /// Approximate distance of `p` from the nearest border between two lobes, mm, within the tangent plane.
     fn lobe_border_distance(&self, p: Vec3) -> f32 {
         let at = self.tangent_position(p);
         let (mut nearest, mut second) = (f32::MAX, f32::MAX);
@@ -148,13 +149,14 @@ impl Placenta {
         0.5 * (second - nearest)
     }
 
-    /// Approximate distance from the centre along the wall, mm: the straight distance corrected for depth.
+    /// Approximate distance of `p` from the placenta's centre along the wall, mm: the straight distance corrected for
+    /// depth.
     fn along_mm(&self, p: Vec3) -> f32 {
         let depth = self.cavity.distance_mm(p);
         (p.distance_squared(self.wall) - depth * depth).max(0.0).sqrt()
     }
 
-    /// The whole organ, from just inside the wall to its fetal side, indented where the `fetus` is near.
+    /// Solid of the whole placenta, from just inside the wall to its fetal side, indented where the `fetus` is near.
     pub(super) fn body(&self, fetus: &Solid) -> Solid {
         let seated = self.cavity.grown(SEATED_MM);
         let reach = Vec3::splat(1.25 * self.radius_mm() + self.thickness_mm());
@@ -165,7 +167,7 @@ impl Placenta {
             let depth = -own.cavity.distance_mm(p);
             let (u, v) = (own.along_mm(p) / radius, depth.max(0.0) / thickness);
             let k = u.hypot(v);
-            // First-order distance of the ellipse in (along, depth).
+            // Distance from an ellipse in (distance along the wall, depth), to first order.
             let slope = (u / radius).hypot(v / thickness);
             if slope < 1e-6 { -thickness } else { k * (k - 1.0) / slope }
         });
@@ -187,7 +189,7 @@ impl Placenta {
                 return d;
             }
             let depth = -own.cavity.distance_mm(p);
-            // Wedges: widest at the basal plate.
+            // A septum is a wedge, widest at the basal plate.
             let half_width = 0.85 * (1.0 - depth / reach);
             if half_width < -2.0 { d } else { d.max(0.9 * (half_width - own.lobe_border_distance(p))) }
         })
@@ -207,7 +209,7 @@ impl Placenta {
                 let size = 2.0 + 1.8 * r(3);
                 let [a, b] = self.tangents();
                 let aside = (a * (r(4) - 0.5) + b * (r(5) - 0.5)) * 2.6 * size;
-                // A lake too near to a plate would break through the plate.
+                // A lake too near to a plate would break through it.
                 (body.distance_mm(middle) < -size - 2.0)
                     .then(|| smooth_union([sphere(middle, size), sphere(middle + aside, 0.7 * size)], 1.5))
             })
@@ -224,7 +226,7 @@ impl Placenta {
         Solid::new(bounds, move |p| {
             let d = own.cavity.distance_mm(p);
             let u = own.along_mm(p) / radius;
-            // The bed thins towards the rim; inward of the wall the placenta hides it.
+            // The bed thins towards the rim. Where its solid extends into the cavity, the placenta hides it.
             (d - BED_MM * (1.0 - u * u * u * u)).max(-4.0 - d).max((u - 1.0) * radius)
         })
     }
@@ -247,8 +249,8 @@ impl Placenta {
         )
     }
 
-    /// Insertion of the cord on the fetal side of `body`, with the direction away from it. It lies off the centre,
-    /// where the `fetus` leaves the largest clearance.
+    /// Insertion of the cord on the fetal side of `body`, with the direction into the cavity. It lies off the
+    /// placenta's centre, where the `fetus` leaves most room.
     pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> End {
         let fallback = End { at: self.wall - self.outward * self.thickness_mm(), away: -self.outward };
         let mut best = (f32::MIN, fallback);
@@ -260,7 +262,7 @@ impl Placenta {
                 let Some(fetal) = self.fetal_side(body, on_wall) else { continue };
                 let inward = self.inward(on_wall);
                 let thick = on_wall.distance(fetal);
-                // Clearance directly in front of the insertion and farther on; a thin rim can't hold a cord.
+                // Room directly in front of the insertion and farther away from it; a thin rim can't hold a cord.
                 let clearance = |mm: f32| {
                     let p = fetal + inward * mm;
                     fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)

@@ -23,8 +23,8 @@ pub(super) fn growth(parameters: &Parameters) -> f32 {
 
 /// Semi-axes of the uterine cavity along x, y, z, mm.
 ///
-/// It grows with the fetus and with the fluid. It is wide for a transverse lie, and deep for a fetus facing forward or
-/// back.
+/// The cavity grows with the fetus and with the fluid. It is wide for a transverse lie, and deep for a fetus facing
+/// forward or back.
 pub(in crate::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
     // A fetus is deeper from back to knees than from side to side.
     let turned = (parameters.roll_deg as f32).to_radians().sin().powi(2);
@@ -33,7 +33,8 @@ pub(in crate::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
     let long = CAVITY_22_MM.y;
     let stretched = 1.0 + 0.16 * (0.5 - parameters.flexion as f32).max(0.0);
     let fluid = (parameters.fluid_index_mm as f32 - FLUID_INDEX_22_MM) / 100.0;
-    // With little fluid the fetus still fits; much fluid distends the uterus.
+    // The fluid changes the cavity's width and depth by `aside`, its length by `along`: less with little fluid, so that
+    // the fetus still fits.
     let (aside, along) = if fluid < 0.0 { (0.05, 0.02) } else { (0.10, 0.06) };
     let (aside, along) = (1.0 + aside * fluid, stretched * (1.0 + along * fluid));
     let semi = match parameters.lie {
@@ -58,12 +59,12 @@ impl Proportions {
         Self { cavity_semi, excess: cavity_semi - CAVITY_22_MM }
     }
 
-    /// Displaced position of soft tissue that is at `reference` around the reference cavity.
+    /// Position of soft tissue, mm, that lies at `reference` if the cavity has its reference size.
     pub(super) fn follow(&self, reference: Vec3) -> Vec3 {
         reference + self.excess * (reference / CAVITY_22_MM).clamp(Vec3::NEG_ONE, Vec3::ONE)
     }
 
-    /// Displacement of the skeleton, mm: spine and pelvis stay behind and below the cavity.
+    /// Displacement of the mother's skeleton, mm: spine and pelvis keep their distance behind and below the cavity.
     pub(super) fn skeleton_shift(&self) -> Vec3 {
         Vec3::new(0.0, -self.excess.y, -self.excess.z)
     }

@@ -16,10 +16,10 @@ const SPACING_MM: f32 = 36.0;
 /// Half of a body's height, mm.
 const HALF_BODY_MM: f32 = 13.5;
 
-/// Centre of the sacrum's upper end in the reference body, mm.
+/// Centre of the sacrum's upper end in the reference body (22 weeks), mm.
 pub(super) const SACRUM_TOP_22_MM: Vec3 = Vec3::new(0.0, -62.0, -93.0);
 
-/// Centre of vertebra `i`'s body, L5 first.
+/// Centre of the body of lumbar vertebra `i`, counted from L5 upward, mm.
 fn body(i: usize) -> Vec3 {
     // Lordosis: the middle is further to the front.
     Vec3::new(0.0, -40.0 + SPACING_MM * i as f32, -91.0 + 3.0 * (1.0 - (0.5 * i as f32 - 1.0).powi(2)))
@@ -51,7 +51,7 @@ fn vertebrae() -> Solid {
             ],
             3.0,
         );
-        // Pedicle, lamina, joint processes: around the canal, which stays free.
+        // Pedicle, lamina and joint processes lie around the canal, which stays free.
         let arch = union([
             capsule(v(13.0, 4.0, -11.0), v(13.5, 3.0, -19.0), 3.8),
             capsule(v(13.5, 2.0, -19.0), v(2.0, -2.0, -25.0), 3.6),

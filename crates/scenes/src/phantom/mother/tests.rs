@@ -22,7 +22,7 @@ fn cord(parameters: &Parameters) -> Cord {
     Afterbirth::of(parameters, &fetus, navel).cord
 }
 
-/// Parameters that vary in every respect, with each lie and each placental site at least once.
+/// Parameters that vary in age, lie, placental site, fluid and seed; each lie and each site occurs.
 fn grid() -> Vec<Parameters> {
     use {Lie::*, PlacentaSite::*};
     let sets = [
@@ -92,7 +92,7 @@ fn faults(parameters: &Parameters) -> Vec<String> {
         }
     }
     expect(own > 1.85 * radius, format!("comes within {own:.1} mm of itself, radius {radius:.1}"));
-    // Turn over an arc as long as the cord's diameter.
+    // Turn of the cord's direction over an arc as long as the cord's diameter.
     for i in 0..line.len() - 1 {
         let k = arc.partition_point(|&a| a < arc[i] + 2.0 * radius).min(line.len() - 2);
         let turn = (line[i + 1] - line[i]).angle_between(line[k + 1] - line[k]).to_degrees();

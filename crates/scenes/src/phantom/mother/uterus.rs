@@ -15,7 +15,7 @@ const FULLNESS: f32 = 2.25;
 const MEMBRANES_MM: f32 = 0.35;
 /// Thickness of the fluid between amnion and chorion at the centre of their separation, mm.
 const PARTED_MM: f32 = 2.6;
-/// Depth to which the lens of fluid extends into the cavity, hidden by the membranes, mm.
+/// Depth to which the solid of that fluid extends into the cavity, where the membranes hide it, mm.
 const DEEP_MM: f32 = 5.0;
 /// Age from which vernix floats in the fluid, weeks.
 const VERNIX_WEEKS: f64 = 28.0;
@@ -38,7 +38,7 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     let proportions = Proportions::of(parameters);
     let cavity = cavity(proportions.cavity_semi);
     let shift = proportions.skeleton_shift();
-    // The upper end of the neck is attached to the uterus, its lower end is in the pelvis.
+    // The upper end of the cervix is attached to the uterus, its lower end is in the pelvis.
     let bottom = Vec3::new(0.0, 3.0 - proportions.cavity_semi.y, -6.0 + 0.5 * shift.z);
     let os = bottom + Vec3::new(0.0, -30.0, -21.0);
     let along = |part: f32| bottom.lerp(os, part);
@@ -66,18 +66,18 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     ]
 }
 
-/// Fluid between unfused membranes: a lens at the rim of the placenta.
+/// Fluid between amnion and chorion where they have not fused: a lens at the rim of the placenta.
 fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
     let middle = placenta.outside_rim();
     let radius = 0.55 * placenta.radius_mm();
     let cavity = cavity.clone();
-    // The lens tapers to both sides of the membranes and ends DEEP_MM inside them.
+    // The lens tapers towards its rim and ends DEEP_MM inside the membranes.
     let reach = radius * (1.0 + (DEEP_MM + MEMBRANES_MM) / PARTED_MM).sqrt();
     let bounds = Bounds::around(middle, Vec3::splat(reach + 2.0));
     Solid::new(bounds, move |p| {
         let along = p.distance(middle) / radius;
         let outer = cavity.distance_mm(p) - MEMBRANES_MM - PARTED_MM * (1.0 - along * along);
-        // The part inside the membranes is hidden by them.
+        // The membranes hide the part inside them.
         outer.max(-DEEP_MM - cavity.distance_mm(p))
     })
 }
