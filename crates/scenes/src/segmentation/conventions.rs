@@ -1,7 +1,8 @@
-//! Plausibility of labels: comparison with human anatomy, under the class table that was used and under all others.
+//! Plausibility of labels: comparison with human anatomy, as named by the class table that was used and by all others.
+//! A class table gives each label number an organ.
 //!
-//! The strain of a table is the sum of the evidence against it: numbers that it lacks, and organs of unusual volume or
-//! position.
+//! The strain of a table is the sum of the evidence against it: label numbers that it lacks, and organs of unusual
+//! volume or position.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -19,22 +20,22 @@ use super::volume::LabelMap;
 /// Most findings in a message.
 const LISTED_MAX: usize = 4;
 
-/// Strain of a number that the table lacks, and of a number whose class has no known volume.
+/// Strain of a label number that the table lacks, and of a number whose class has no known volume.
 const UNKNOWN_STRAIN: f64 = 5.0;
 const UNTOLD_STRAIN: f64 = 0.5;
 
-/// Conditions under which another table is likelier than the one used. Its strain is lower by at least `LIKELIER_BY`.
-/// It is at most `LIKELIER_SHARE` of the strain of the table used, and at most 1 plus `FITS_EACH` for each label.
+/// Conditions under which another table is likelier than the one used. Its strain is lower than that of the table used
+/// by at least `LIKELIER_BY`, and at most `LIKELIER_SHARE` of it. It is also at most 1 plus `FITS_EACH` per label.
 const LIKELIER_BY: f64 = 1.0;
 const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
-/// Largest difference in strain between two tables that count as equally good: a class of unknown volume is no
-/// evidence.
+/// Largest difference in strain between two tables that count as equally good: that of one class of unknown volume,
+/// which is no evidence.
 const ALIKE: f64 = UNTOLD_STRAIN;
 
-/// Number of labels up to which tables can't be told apart for certain. Another table then fits as well if its strain
-/// is larger by at most `AS_LIKELY_BY`.
+/// Number of labels up to which tables can't be told apart for certain. With so few labels, another table fits as well
+/// if its strain is larger by at most `AS_LIKELY_BY`.
 const FEW_LABELS: usize = 3;
 const AS_LIKELY_BY: f64 = 1.0;
 
@@ -47,15 +48,16 @@ const BODY_ML: f64 = 3000.0;
 pub struct Plausibility {
     /// Findings about organs, impossible ones first.
     pub findings: Vec<OrganFinding>,
-    /// Numbers that the table doesn't have.
+    /// Label numbers that the table doesn't have.
     pub unknown: Vec<u16>,
-    /// Names of built-in tables that fit the numbers better, the best first.
+    /// Names of built-in tables that fit the label numbers better, the best first.
     pub likelier: Vec<&'static str>,
-    /// Names of built-in tables that give these few numbers other meanings and fit about as well, the best first.
+    /// For a few labels: names of built-in tables that give the numbers other meanings and fit about as well, the best
+    /// first.
     pub as_likely: Vec<&'static str>,
 }
 
-/// Labels that are impossible in a human, or numbers that another table fits better.
+/// Error for labels that are impossible in a human, or that another table fits better.
 #[derive(Debug, Error)]
 #[error(
     "{path}: read by {names}, the labels {verdict}: {findings}.{hints} --allow-implausible makes the scene all the same"
@@ -65,7 +67,7 @@ pub struct ImplausibleError {
     pub path: PathBuf,
     /// Origin of the names.
     pub names: String,
-    /// What the labels are, after "the labels".
+    /// Judgement of the labels, to follow "the labels".
     pub verdict: &'static str,
     /// The first findings.
     pub findings: String,
@@ -73,7 +75,7 @@ pub struct ImplausibleError {
     pub hints: String,
 }
 
-/// Compares the labels with what is possible for a human.
+/// Compares the labels with the volumes and positions of organs in humans.
 pub fn plausibility(
     labels: &LabelMap,
     measures: &BTreeMap<(usize, u16), Measure>,
@@ -101,7 +103,8 @@ pub fn plausibility(
     Plausibility { findings, unknown, likelier: others.likelier, as_likely: others.as_likely }
 }
 
-/// Tables that fit the numbers better than the one used, and tables that fit about as well; in both lists the best comes first.
+/// Built-in tables that fit the label numbers better than the one used, and those that fit about as well. In both lists
+/// the best comes first.
 #[derive(Default)]
 struct OtherTables {
     likelier: Vec<&'static str>,
@@ -135,7 +138,7 @@ impl OtherTables {
     }
 }
 
-/// Facts about organs. Labels of one name are one organ.
+/// Volume and position of each organ. Labels with the same organ name are added up.
 #[derive(Default)]
 struct Facts(Vec<OrganFact>);
 
@@ -156,7 +159,7 @@ impl Facts {
     }
 }
 
-/// Strain of `table` for these numbers; `None` if its organs would be impossible.
+/// Strain of `table` for the numbered labels; `None` if an organ would be impossible.
 fn strain(table: &ClassTable, numbered: &[(u16, &Measure)]) -> Option<f64> {
     let (mut facts, mut strain) = (Facts::default(), 0.0);
     for (value, measure) in numbered {
@@ -179,7 +182,8 @@ fn is_told(class: &Class) -> bool {
 }
 
 impl Plausibility {
-    /// Refuses what is impossible, and numbers that another table fits better unless the user chose the table.
+    /// Refuses impossible labels. Refuses label numbers that another table fits better, unless the user chose the
+    /// table.
     ///
     /// # Errors
     /// Impossible volumes or positions; numbers of another table.
@@ -197,7 +201,7 @@ impl Plausibility {
         })
     }
 
-    /// Remarks on findings that do not prevent the scene, a line each.
+    /// Remarks on findings that do not prevent the scene, one line each.
     pub fn remarks(&self, names: &NameTable, is_allowed: bool) -> Vec<String> {
         let mut remarks = Vec::new();
         let is_impossible = self.findings.iter().any(|finding| finding.certainty == Certainty::Impossible);

@@ -13,20 +13,21 @@ use super::volume::LabelMap;
 
 /// Smallest share of the labelled voxels that a body or an image must contain, %.
 const COVERED_PERCENT: f64 = 80.0;
-/// Share of the labelled voxels, %, that a body must contain to pass without a remark.
+/// Share of the labelled voxels, %, from which a body passes without a remark.
 const HELD_PERCENT: f64 = 99.0;
-/// Shares of an organ outside the body, %: from the first on, a message names the organ; from the second on, the body
-/// is refused.
+/// Shares of an organ's voxels outside the body, %. From the first on, a message names the organ. From the second on,
+/// the body is refused.
 const NAMED_PERCENT: f64 = 10.0;
 const MOSTLY_PERCENT: f64 = 50.0;
-/// Fewest voxels of an organ that is checked.
+/// Fewest voxels of an organ for the check.
 const LEAST_VOXELS: usize = 100;
-/// Number of voxels of a body that consists of the labelled organs alone, relative to the number of labelled voxels.
+/// A body counts as the labelled organs alone if its number of voxels, relative to that of the labelled voxels, is in
+/// this range.
 const ONLY_ORGANS: std::ops::RangeInclusive<f64> = 0.99..=1.01;
 /// Most organs in a message.
 const LISTED_MAX: usize = 6;
 
-/// Labels on their grid: 0, or 1 + index of the organ.
+/// Labels of the voxels of a grid: 0, or 1 + index of the organ.
 pub(super) struct Labelled<'a> {
     pub(super) path: &'a Path,
     pub(super) labels: &'a [u16],
@@ -35,8 +36,9 @@ pub(super) struct Labelled<'a> {
 }
 
 impl Labelled<'_> {
-    /// Refuses a volume that contains too few of the labelled voxels. `inside` tells whether the volume contains a
-    /// voxel of the labels' grid. `holds` tells whether a voxel of the volume's own grid belongs to its content.
+    /// Refuses a volume (body or image) that contains too few of the labelled voxels. `inside` tells whether the volume
+    /// contains a voxel of the labels' grid. `holds` tells whether a voxel of the volume's own grid belongs to its
+    /// content.
     pub(super) fn covered(
         &self,
         inside: &(dyn Fn(usize) -> bool + Sync),
@@ -57,11 +59,11 @@ impl Labelled<'_> {
         Err(GatherError::OtherScan { path, option, labels, percent, hint })
     }
 
-    /// Voxels of the labels' grid that the label map of a body labels, and a remark on organs outside the body.
+    /// Mask, on the labels' grid, of the voxels that `map` labels as body, and a remark on organs outside the body.
     ///
     /// # Errors
-    /// A map without a labelled voxel; a map of another scan. Unless `is_allowed`: a map that leaves an organ outside,
-    /// or labels the organs alone.
+    /// A map without a labelled voxel, or of another scan. Unless `is_allowed`: a map that leaves an organ outside the
+    /// body, or that labels only the organs.
     pub(super) fn body(&self, map: LabelMap, is_allowed: bool) -> Result<(Vec<bool>, Option<String>), GatherError> {
         let map = map.canonical();
         if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {

@@ -12,16 +12,17 @@ use super::grid::{CutPlane, Grid};
 pub use super::inputs::{Inputs, Organ};
 use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
 
-/// Fewest voxels of a part that is kept; smaller parts are fragments.
+/// Fewest voxels of a separate part of a label; smaller parts are fragments.
 const FRAGMENT_VOXELS: usize = 8;
-/// Shares of the triangles, 0..=1: the body's outline, and the inner border of the fat.
+/// Shares of the triangles, 0..=1, for the body's outline and for the inner border of the fat.
 const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
-/// Largest error of decimation, in voxels.
+/// Largest error of mesh decimation, in voxels.
 const ERROR_VOXELS: f64 = 0.35;
-/// Thickness, in voxels, from which a wall is drawn as voxels instead of by moving its surface.
+/// Wall thickness, in voxels, from which a wall's inner side is meshed from voxels. That of a thinner wall is the outer
+/// surface moved inward.
 const THICK_VOXELS: f64 = 2.0;
-/// Farthest that a surface moves to restore a label's volume, in voxels.
+/// Largest distance that a surface is moved to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
 
 /// Options of making a scene.
@@ -52,9 +53,9 @@ pub struct Made {
     pub priority: i32,
     /// Closed surface, LPS, mm.
     pub mesh: Mesh,
-    /// Name of its segment; none for skin, fat and soft tissue.
+    /// Name of its segment; `None` for skin, fat and soft tissue.
     pub segment: Option<String>,
-    /// Volume of the segment's voxels, mm³; none for the inner sides of walls and for gas.
+    /// Volume of the segment's voxels, mm³; `None` for the inner sides of walls and for gas.
     pub voxels_mm3: Option<f64>,
 }
 
@@ -74,25 +75,26 @@ pub struct Outcome {
 pub struct Facts {
     /// Origin of the body's outline.
     pub outline: OutlineSource,
-    /// Sides on which the scan cuts the body: right, left, front, back, feet, head.
+    /// Whether the scan cuts the body on each side: right, left, front, back, feet, head.
     pub cut: [bool; 6],
-    /// Number of fragments, parts of fewer than eight voxels, that were given to neighbouring labels.
+    /// Number of fragments, parts of fewer than eight voxels, that were added to neighbouring labels.
     #[serde(rename = "crumbs")]
     pub fragments: usize,
-    /// Number of voxels that were changed where a surface would have touched itself along an edge.
+    /// Number of voxels whose label was changed because a surface would have touched itself along an edge.
     pub untangled: usize,
     /// Segments that have no voxel left after processing.
     pub empty: Vec<String>,
 }
 
-/// Makes the surfaces. `progress` receives the name of the step and the share that is done, 0..=1.
+/// Makes the surfaces of a scene. `progress` receives the name of the step and the share of the work that is done,
+/// 0..=1.
 pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
     progress("cleaning the labels", 0.0);
     inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
     let fragments = without_fragments(&mut inputs.labels, inputs.grid.size, FRAGMENT_VOXELS);
     let counts = count(&inputs.labels);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
-    // Ranks are distinct: equal priorities rank in the order of the labels.
+    // Ranks of labels are distinct: those of equal priority follow the order of the labels.
     let rank = |label: u16| match priorities.get(usize::from(label).wrapping_sub(1)) {
         Some(&priority) => (u64::from(priority.wrapping_sub(i32::MIN) as u32) << 16 | u64::from(label)) + 1,
         None => 0,
@@ -142,7 +144,7 @@ fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
     (source, body::from_mask(mask, grid, |i| inputs.labels[i] != NONE))
 }
 
-/// Sides of the grid that the body reaches: low and high along each axis.
+/// Whether the body reaches each side of the grid: the low and high end of x, of y, of z.
 fn cut_sides(body: &[bool], grid: &Grid) -> [bool; 6] {
     let inside = body.par_iter().enumerate().filter(|(_, inside)| **inside);
     let sides = inside.map(|(i, _)| {
@@ -152,7 +154,7 @@ fn cut_sides(body: &[bool], grid: &Grid) -> [bool; 6] {
     sides.reduce(|| [false; 6], |a, b| std::array::from_fn(|n| a[n] | b[n]))
 }
 
-/// Planes of the sides of the grid that cut the body.
+/// Planes of the sides of the grid that cut the body; `cut` has the order of [`Facts::cut`].
 fn cut_planes(cut: &[bool; 6], grid: &Grid) -> Vec<CutPlane> {
     let matrix = grid.lps_from_voxel.matrix3;
     let plane = |side: usize| {
@@ -184,7 +186,7 @@ fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
     body::from_mask(soft, grid, |i| inputs.labels[i] != NONE)
 }
 
-/// Voxels of fat in a CT image that reaches the skin: −200 to −20 HU, connected to the outermost 4 mm of the body.
+/// Voxels of fat, −200 to −20 HU, in a CT that shows the skin. They are connected to the outermost 4 mm of the body.
 fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     let image = inputs.ct()?;
     let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
@@ -194,7 +196,7 @@ fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     Some(fat)
 }
 
-/// Priority of the outer surface of a label: distinct for all organs, with gaps for the surfaces within them.
+/// Priority of a label's outer surface. Organs are 3 apart, which leaves room for the surfaces within them.
 fn priority_of(organs: &[Organ], label: u16) -> i32 {
     let rank = |label: u16| (organs.get(usize::from(label).wrapping_sub(1)).map_or(0, |o| o.priority), label);
     let below = (1..=organs.len() as u16).filter(|&other| rank(other) < rank(label)).count();
@@ -233,7 +235,7 @@ impl Builder<'_> {
         Complex::of(&net, self.grid.voxel_mm())
     }
 
-    /// Decimates to `triangles`, then restores the volume of each label from its number of `voxels`.
+    /// Decimates to `triangles`, then restores each label's volume: its number of `voxels` times the volume of a voxel.
     fn simplify(&self, complex: &mut Complex, triangles: usize, voxels: &HashMap<u16, usize>, done: &dyn Fn(f64)) {
         let voxel_mm = self.grid.voxel_mm();
         complex.decimate(triangles, ERROR_VOXELS * voxel_mm.min_element(), done);
@@ -241,7 +243,7 @@ impl Builder<'_> {
         complex.restore_volumes(&wanted_mm3, VOLUME_VOXELS * voxel_mm.min_element());
     }
 
-    /// Surface of a mask, with about `triangles` triangles.
+    /// Surface around the voxels of a mask, with about `triangles` triangles; `None` for an empty mask.
     fn mask_part(&self, mask: &[bool], triangles: usize) -> Option<Part> {
         let mut labels: Vec<u16> = mask.par_iter().map(|&inside| u16::from(inside)).collect();
         make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
@@ -283,8 +285,8 @@ impl Builder<'_> {
     ) {
         let organ_of = |label: u16| inputs.organs.get(usize::from(label).wrapping_sub(1));
         let mut complex = self.complex(&inputs.labels);
-        // Each triangle belongs to the surfaces of both labels that it separates, and again to the inner side of a
-        // wall.
+        // A triangle belongs to the surface of each of the two labels that it separates. A label with a wall has a copy
+        // of it on the wall's inner side.
         let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + usize::from(o.wall.is_some()));
         let all: usize = complex.triangles.iter().flat_map(|t| &t.sides).map(copies).sum();
         let budget = (1.0 - 2.0 * BODY_SHARE - FAT_SHARE) * options.triangles as f64;
@@ -294,7 +296,7 @@ impl Builder<'_> {
         self.simplify(&mut complex, wanted, counts, &|done| progress("simplifying the organs", 0.5 + 0.35 * done));
         progress("walls and gas", 0.85);
         let step_mm = self.grid.voxel_mm().min_element();
-        // A thick wall is drawn in voxels, a thin one by moving its surface.
+        // The inner side of a thick wall is meshed from voxels, that of a thin wall by moving its surface.
         let is_thick = |mm: f64| mm >= THICK_VOXELS * step_mm;
         let mut lumens = self.inner_parts(inputs, share, |label, organ| match &organ.wall {
             Some((_, mm)) if is_thick(*mm) => gas_of(&inputs.labels, self.grid, label, *mm, Gas::Share(1.0)),
@@ -316,8 +318,8 @@ impl Builder<'_> {
         self.gas(inputs, share);
     }
 
-    /// Surfaces within organs, by label. `voxels_of` gives the voxels of the inner region for a label and its organ.
-    /// `share` is the share of triangles that decimation keeps.
+    /// Meshes of inner regions of organs, by label. `voxels_of` gives the indices of a region's voxels for a label and
+    /// its organ. `share` is the share of the triangles that decimation keeps.
     fn inner_parts(
         &self,
         inputs: &Inputs,

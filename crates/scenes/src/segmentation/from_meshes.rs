@@ -9,7 +9,7 @@ use super::meshing::Part;
 use super::summary::remark_of_outline;
 use super::voxels::{inside_of, voxels_within};
 
-/// Side of the voxels in which a body is drawn around the meshes, mm.
+/// Side of the voxels for a body that is drawn around the meshes, mm.
 const VOXEL_MM: f64 = 2.5;
 
 /// A closed mesh (LPS, mm) and its class.
@@ -23,11 +23,11 @@ pub struct OrganMesh {
     pub mesh: Mesh,
 }
 
-/// Layers that a generated body has anyway: meshes of these classes are left out.
+/// Classes of layers that every generated body has anyway: meshes of these classes are left out.
 const LAYERS: [&str; 4] = ["fat", "soft_tissue", "subcutaneous_fat", "torso_fat"];
 
-/// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of the
-/// body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all meshes.
+/// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of
+/// the body or skin is filled with fat and soft tissue; without such a mesh, a body is drawn around all meshes.
 pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<String>) {
     let (bodies, mut organs): (Vec<_>, Vec<_>) =
         organs.into_iter().partition(|o| matches!(o.class.role, Role::Body | Role::Skin));
@@ -42,7 +42,7 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     let (mut made, outside) = layers(&bodies, &organs, options);
     remarks.extend(outside);
     if let [body] = &bodies[..] {
-        // The given mesh is finer than its voxels.
+        // The given mesh is finer than a mesh made from voxels.
         let outer = part(&body.mesh);
         for (name, depth_mm) in [("skin", 0.0), ("fat", options.skin_mm)] {
             if let Some(layer) = made.iter_mut().find(|made| made.name == name) {
@@ -72,7 +72,7 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     (made, remarks)
 }
 
-/// Share of an organ's volume from which a separate piece of it is reported.
+/// Share of an organ's volume from which a separate piece is reported.
 const PIECE: f64 = 0.15;
 
 /// Remarks on organs that occur more than once, and on organs of several separate pieces.
@@ -105,7 +105,7 @@ pub fn remarks_on_organs(organs: &[OrganMesh]) -> Vec<String> {
     remarks
 }
 
-/// Whether two meshes have nearly the same bounds and volume.
+/// Whether two meshes, each given by bounds and volume, nearly coincide.
 fn is_same_place((p, v): &(Option<Bounds>, f64), (q, w): &(Option<Bounds>, f64)) -> bool {
     let (Some(p), Some(q)) = (p, q) else { return false };
     let near_mm = 0.02 * p.size().max_element();
@@ -113,7 +113,7 @@ fn is_same_place((p, v): &(Option<Bounds>, f64), (q, w): &(Option<Bounds>, f64))
     far_mm < near_mm && (v - w).abs() < 0.05 * v.abs()
 }
 
-/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex.
+/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex with each other.
 fn pieces_ml(mesh: &Mesh) -> Vec<f64> {
     let (piece_of, count) = mesh.pieces();
     let mut volumes = vec![0.0; count];
@@ -171,11 +171,11 @@ fn remark_outside(organs: &[OrganMesh], body: &[bool], grid: &Grid) -> Option<St
     (!named.is_empty()).then(|| format!("organs reach out of the body: {words}: are all meshes of one frame?"))
 }
 
-/// Skin, fat and soft tissue: of the given bodies, or around the organs if there are none. Also a remark on organs
-/// that extend outside the bodies.
+/// Skin, fat and soft tissue within the given bodies, or around the organs if there are no bodies. Also a remark on
+/// organs that extend outside the bodies.
 fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> (Vec<Made>, Option<String>) {
     let meshes: Vec<&Mesh> = bodies.iter().chain(organs).map(|o| &o.mesh).collect();
-    // Free voxels on all sides, so that the organs end within the body.
+    // A margin of two voxels on all sides, so that the organs end within the body.
     let Some((grid, _)) = voxels_within(&meshes, VOXEL_MM, 2) else { return (Vec::new(), None) };
     let within = |of: &[OrganMesh]| {
         let meshes: Vec<&Mesh> = of.iter().map(|o| &o.mesh).collect();

@@ -16,11 +16,11 @@ use super::inputs::{Inputs, Organ};
 use super::measure::Measure;
 use super::volume::{Image, LabelMap};
 
-/// Inputs of a scene from a label map with its measures, and segments that were left out. `body` is a label map in
-/// which every label is body; `image` is the image that was segmented. Both may have grids of their own.
+/// Inputs of a scene from a label map with its measures, and the segments that were left out. `body` is a label map in
+/// which every label is body; `image` is the image that was segmented. Each of the three may have its own grid.
 ///
 /// # Errors
-/// - No labelled voxel, or segments without a meaning unless `leave_out_unknown`.
+/// - No labelled voxel; or segments without a meaning, unless `leave_out_unknown`.
 /// - No organ at all, or more organs than a scene has surfaces.
 /// - A body without a voxel. Unless `allow_implausible`, a body that leaves an organ outside or consists of the organs
 ///   alone.
@@ -77,7 +77,7 @@ pub fn gather(
     };
     let image = match image {
         Some(image) => {
-            // Memory for the image's values twice: reordered, and on the labels' grid.
+            // The image's values are in memory twice: in canonical order, and on the labels' grid.
             let bytes = 4 * (image.values.len() + grid.len()) as u64;
             memory_for(bytes).map_err(|none| GatherError::Memory { path: image.path.clone(), none })?;
             let image = image.canonical();
@@ -112,10 +112,10 @@ fn union(a: Option<Vec<bool>>, b: Option<Vec<bool>>) -> Option<Vec<bool>> {
     }
 }
 
-/// Label of each voxel: 0, or 1 + index of its organ. Where segments of several layers overlap, the highest priority
-/// wins.
+/// Label of each voxel: 0, or 1 + index of its organ. Where segments of several layers overlap, the organ of the
+/// highest priority wins.
 fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
-    // Organ of each value, layer by layer.
+    // For each layer and stored value: 0, or 1 + index of the organ.
     let mut organ_of = vec![vec![0u16; 1 << 16]; map.layers.len()];
     for (number, organ) in (1..=u16::MAX).zip(organs) {
         organ_of[organ.layer][usize::from(organ.value)] = number;
@@ -128,7 +128,7 @@ fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
     (0..grid.len()).into_par_iter().map(label).collect()
 }
 
-/// Organs with distinct names: the names of their classes, numbered where several segments share one.
+/// Organs with distinct names: the names of their classes, with numbers where several segments share a class.
 fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
     let mut names: Vec<String> = Vec::new();
     let organ = |m: &&MappedSegment| {

@@ -10,7 +10,7 @@ use super::image::ImageError;
 
 /// Most unknown segments in a message.
 const LISTED_MAX: usize = 5;
-/// Number of unknown segments above which they are likely the values of an image.
+/// Number of unknown segments above which the file is likely an image instead of a label map.
 const IMAGE_VALUES: usize = 20;
 
 /// Label maps that cannot become a scene.
@@ -26,7 +26,7 @@ pub enum GatherError {
     Unmapped {
         /// Label map.
         path: PathBuf,
-        /// Segments, each with its number, its voxels and the nearest known names.
+        /// Descriptions of the segments, each with its number, its voxels and the nearest known names.
         names: Vec<String>,
     },
     /// A map that contains only background.
@@ -35,14 +35,14 @@ pub enum GatherError {
         /// Label map.
         path: PathBuf,
     },
-    /// No organ.
+    /// A label map without any organ.
     #[error(
         "{path} has no segment that becomes an organ: {found}; --names chooses the table of names, --map adds to it"
     )]
     Nothing {
         /// Label map.
         path: PathBuf,
-        /// What was found instead.
+        /// Segments found instead of organs.
         found: String,
     },
     /// More organs than a scene has surfaces.
@@ -58,7 +58,7 @@ pub enum GatherError {
         /// Limit.
         limit: usize,
     },
-    /// A body or an image of another scan.
+    /// A body or an image that seems to be of another scan.
     #[error(
         "{path}, given as {option}, holds only {percent:.0} % of the labelled voxels of {labels}: is it of the same \
          scan?{hint}"
@@ -70,12 +70,12 @@ pub enum GatherError {
         option: &'static str,
         /// Label map.
         labels: PathBuf,
-        /// Share, %.
+        /// Share of the labelled voxels within the body or image, %.
         percent: f64,
         /// Suggested change of the file's affine, as a sentence after a space, or empty.
         hint: String,
     },
-    /// A body that leaves organs outside.
+    /// A body that leaves an organ mostly outside.
     #[error(
         "{path}, given as --body, leaves most of an organ of {labels} outside: {organs} of the voxels; is it of the same scan? \
          --allow-implausible makes them part of the body"
@@ -85,10 +85,10 @@ pub enum GatherError {
         path: PathBuf,
         /// Label map.
         labels: PathBuf,
-        /// Organs, each with the share outside.
+        /// Names of the organs, each with the share outside the body.
         organs: String,
     },
-    /// A body without anything around the organs.
+    /// A body that consists of the organs alone.
     #[error(
         "{path}, given as --body, holds only the organs that {labels} labels, no body around them: give the body's outline, as \
          TotalSegmentator's task body writes it, or leave --body out; --allow-implausible takes it all the same"

@@ -22,7 +22,7 @@ impl Grid {
         self.len() == 0
     }
 
-    /// Distance of neighbouring voxels along i, j and k, mm.
+    /// Distance between neighbouring voxels along i, j and k, mm.
     pub fn voxel_mm(&self) -> DVec3 {
         let m = self.lps_from_voxel.matrix3;
         DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
@@ -33,7 +33,7 @@ impl Grid {
         self.lps_from_voxel.matrix3.determinant().abs()
     }
 
-    /// Distance in memory of neighbours along i, j and k, in elements.
+    /// Distance in memory between neighbours along i, j and k, in elements.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.size[0], self.size[0] * self.size[1]]
     }
@@ -44,7 +44,7 @@ impl Grid {
     }
 }
 
-/// Plane in which a scan ends within the body.
+/// Plane at which the scan ends, within the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CutPlane {
     /// Point on the plane, LPS, mm.

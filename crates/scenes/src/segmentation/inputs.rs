@@ -8,35 +8,35 @@ use super::grid::Grid;
 use super::meshing::NONE;
 use super::volume::OUTSIDE;
 
-/// Segment, and the tissue, wall and gas of its surfaces.
+/// Organ of a scene: a segment with the tissue, wall and gas of its surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Organ {
-    /// Name of its surface.
+    /// Name of the organ's surface.
     pub name: String,
-    /// Tissue that fills it.
+    /// Tissue that fills the organ.
     pub tissue: String,
-    /// Order among organs: the highest one wins where segments overlap.
+    /// Priority among organs: where segments overlap, the highest one wins.
     pub priority: i32,
-    /// Wall just within its surface: tissue and thickness, mm.
+    /// Tissue and thickness (mm) of the organ's wall, which lies just within its surface.
     pub wall: Option<(String, f64)>,
-    /// Gas in its lumen: tissue and share of the lumen, 0..=1.
+    /// Gas in the organ's lumen: its tissue, and the fraction of the lumen it fills, 0..=1.
     pub gas: Option<(String, f64)>,
 }
 
 /// Inputs of a scene. All arrays are in the order of the grid, x fastest.
 #[derive(Debug, Clone)]
 pub struct Inputs {
-    /// Grid, its axes nearest to the patient's left, back and head.
+    /// Grid of all arrays; its axes run nearest to the patient's left, back and head.
     pub grid: Grid,
     /// Label of each voxel: 0, or 1 + index of its organ.
     pub labels: Vec<u16>,
-    /// Organs, by label − 1.
+    /// Organs; label `n` is organ `n − 1`.
     pub organs: Vec<Organ>,
     /// Voxels of the body, if a label map defines it.
     pub body: Option<Vec<bool>>,
-    /// Voxels of subcutaneous fat, if a label map defines it.
+    /// Voxels of subcutaneous fat, if a label map defines them.
     pub fat: Option<Vec<bool>>,
-    /// Values of the image that was segmented: HU for CT.
+    /// Values of the image that was segmented, if one was given: HU for a CT.
     pub image: Option<Vec<f32>>,
     /// Whether the image is a CT.
     pub is_ct: bool,
@@ -44,7 +44,7 @@ pub struct Inputs {
     pub remarks: Vec<String>,
 }
 
-/// Memory per voxel while a scene is made, bytes: labels, masks, distances and surfaces.
+/// Memory needed per voxel while a scene is made, bytes: labels, masks, distances and surfaces.
 const WORKING_BYTES: u64 = 28;
 
 /// Lowest value of an image.
@@ -58,7 +58,7 @@ impl Inputs {
         self.image.as_deref().filter(|_| self.is_ct)
     }
 
-    /// Lowest and highest indices of the voxels that are labelled or may be in the body.
+    /// Lowest and highest voxel indices along each axis of the region that is labelled or may belong to the body.
     fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
         let grid = &self.grid;
         let inside =
@@ -76,8 +76,8 @@ impl Inputs {
         (voxels as u64).saturating_mul(WORKING_BYTES)
     }
 
-    /// The inputs on a grid cropped to the body, with a margin of free voxels, except on sides where the scan itself
-    /// ends.
+    /// The inputs on a grid cropped to the body. The margin around the body is free, except on sides where the scan
+    /// itself ends.
     pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
         let grid = &self.grid;
         let Some((low, high)) = self.bounds() else { return self };
@@ -85,8 +85,8 @@ impl Inputs {
         let margin_mm = if guessed { hull_margin_mm(skin_mm, fat_mm) } else { 0.0 };
         let voxel_mm = grid.voxel_mm();
         let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
-        // Index in the old grid of the new grid's first voxel, and number of voxels of the new grid. A guessed body
-        // extends beyond the sides of the map (along i), since maps are often cropped to their organs.
+        // `first` and `last` are indices in the old grid of the new grid's corners. Around a guessed body there is a
+        // margin in x and y even at the map's border, since maps are often cropped to their organs.
         let ends = |n: usize, at_border: bool| at_border && !(guessed && n < 2);
         let first: [i64; 3] =
             std::array::from_fn(|n| if ends(n, low[n] == 0) { 0 } else { low[n] as i64 - margin(n) as i64 });

@@ -1,8 +1,8 @@
 //! A folder of masks, one file per organ, as TotalSegmentator writes it by default.
 //!
-//! Files are read one after another into one label map, so that memory holds the map and one mask. Organs share a layer:
-//! where masks overlap, the class of higher priority keeps the voxel, and of equal priorities the file that comes first by
-//! name. Body, skin and subcutaneous fat have layers of their own.
+//! Files are read one after another into one label map, so that memory holds only the map and one mask. Organs share a
+//! layer of the map. Where their masks overlap, the class of higher priority keeps the voxel; at equal priority, the
+//! file that comes first by name. Body, skin and subcutaneous fat have layers of their own.
 
 mod error;
 #[cfg(test)]
@@ -25,7 +25,7 @@ use super::classes::{
 use super::naming::NamesFrom;
 use super::volume::{LabelMap, ReadOptions, Segment, read_labels};
 
-/// Largest distance between corresponding corners of two grids that count as the same, in voxels.
+/// Two grids count as the same if their corresponding corners are at most this far apart, in voxels.
 const SAME_GRID_VOXELS: f64 = 0.05;
 
 /// Most files in a message.
@@ -38,13 +38,13 @@ pub struct MaskFolder {
     pub labels: LabelMap,
     /// Origin of the names.
     pub names: NamesFrom,
-    /// Files without a meaning that were left out.
+    /// Descriptions of the files that were left out because their names have no meaning.
     pub left_out: Vec<String>,
-    /// Remarks on the masks, a line each.
+    /// Remarks on the masks, one line each.
     pub remarks: Vec<String>,
 }
 
-/// File and its class.
+/// Mask file, and the class that its name stands for.
 struct Mask {
     path: PathBuf,
     class: Class,
@@ -53,8 +53,8 @@ struct Mask {
 /// Reads the masks of a folder. `progress` receives the number of files read and their total.
 ///
 /// # Errors
-/// A folder without masks; unknown names unless `leave_out_unknown`, and if no other is left; masks that are all ignored or empty;
-/// files of several labels, on other grids, or that can't be read.
+/// A folder without masks; a name that is no organ's, unless `leave_out_unknown` and others are; masks that are all
+/// ignored or all empty; files of several labels, on other grids, or that can't be read.
 pub fn read_mask_folder(
     folder: &Path,
     table: &ClassTable,
@@ -107,8 +107,8 @@ pub fn read_mask_folder(
     Ok(MaskFolder { labels, names: NamesFrom::Folder { files: count, without }, left_out: unknown, remarks })
 }
 
-/// Reads the masks of a body in a folder, as TotalSegmentator's task `body` writes them, into one label map. Its remarks name what was
-/// left out.
+/// Reads the body's masks in a folder, as TotalSegmentator's task `body` writes them, into one label map. The map's
+/// remarks name the files that were left out.
 ///
 /// # Errors
 /// As [`read_mask_folder`]; a folder without a mask of a body or skin.
@@ -128,7 +128,7 @@ pub fn read_body_folder(
     };
     labels.segments.retain(is_body);
     let kept: Vec<usize> = labels.segments.iter().map(|segment| segment.layer).collect();
-    // Each role has a layer of its own.
+    // The voxels of each role are in a layer of their own.
     for (layer, voxels) in labels.layers.iter_mut().enumerate() {
         if !kept.contains(&layer) {
             voxels.fill(0);
@@ -151,7 +151,8 @@ fn no_meaning(folder: &Path, names: &[String]) -> MaskFolderError {
     MaskFolderError::Unknown { path: folder.to_owned(), names: listed(names, LISTED_MAX, "; ") }
 }
 
-/// Words common to all names, which were left out to find the classes; empty if all names are known as they are.
+/// Words common to all file names that were left out to find the classes, as text. Empty if every name is known as it
+/// is.
 fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) -> String {
     let none = CommonWords::default();
     if stems.iter().all(|stem| matches!(organ_in_name(stem, table, Some(&none)), OrganInName::Is(_))) {
@@ -161,14 +162,14 @@ fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) ->
     printable(&shared.join(" ")).into_owned()
 }
 
-/// Volume files of a folder, by name.
+/// Volume files of a folder, sorted by name.
 fn volume_files(folder: &Path) -> Result<Vec<PathBuf>, MaskFolderError> {
     let fault = FileError::at("read the folder", folder);
     let (mut volumes, mut folders, mut others, mut has_dicom) = (Vec::new(), Vec::new(), 0usize, false);
     for entry in std::fs::read_dir(folder).map_err(fault)? {
         let path = entry.map_err(fault)?.path();
         let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        // macOS writes `._liver.nii.gz` next to `liver.nii.gz` on foreign disks.
+        // macOS writes a hidden file `._liver.nii.gz` next to `liver.nii.gz` on foreign disks.
         if name.starts_with('.') {
             continue;
         }
@@ -210,25 +211,25 @@ fn is_dicom(path: &Path) -> bool {
     read.is_ok() && start.get(128..132) == Some(b"DICM")
 }
 
-/// Grid of the first mask.
+/// Path and grid of the first mask.
 struct Placed {
     path: PathBuf,
     size: [usize; 3],
     lps_from_voxel: DAffine3,
 }
 
-/// Masks in one label map.
+/// Label map that the masks are merged into.
 #[derive(Default)]
 struct Merged {
     grid: Option<Placed>,
-    /// Layers by role: organs first.
+    /// Labels of each layer with the layer's role.
     layers: Vec<(Role, Vec<u16>)>,
     segments: Vec<Segment>,
     /// Priority of each label, by label − 1.
     priorities: Vec<i32>,
     empty: usize,
     shared_voxels: usize,
-    /// Remarks of the volume reader, each once.
+    /// Remarks of the volume reader, without duplicates.
     read: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Source of the names of labels: the file, numbers of a table, or names of files.
+//! Origin of the labels' names: names in the file, label numbers of a class table, or names of files.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,14 +14,14 @@ use super::volume::LabelMap;
 /// Most labels in a message.
 const LISTED_MAX: usize = 8;
 
-/// Table of names, and how it was chosen.
+/// Table of names for labels, and how it was chosen.
 #[derive(Debug, Clone)]
 pub struct NameTable {
     /// Classes, with the user's mappings.
     pub table: ClassTable,
     /// Name of the table, or path of its file.
     pub called: String,
-    /// Whether the user chose the table. Numbers are then looked up in it, whatever the name of the file.
+    /// Whether the user chose the table. If so, numbers are looked up in it, whatever the file is called.
     pub is_chosen: bool,
 }
 
@@ -33,7 +33,7 @@ pub enum NamesFrom {
         /// Part of the file that holds the names.
         part: &'static str,
     },
-    /// Names in the file, and numbers for labels without one.
+    /// Names in the file, and a table's numbers for labels without a name.
     Both {
         /// Part of the file that holds the names.
         part: &'static str,
@@ -44,7 +44,7 @@ pub enum NamesFrom {
         /// Whether the user chose the table.
         is_chosen: bool,
     },
-    /// Numbers of a table.
+    /// Label numbers of a table.
     Numbers {
         /// Name of the table.
         table: String,
@@ -53,29 +53,29 @@ pub enum NamesFrom {
     },
     /// Mappings by the user alone.
     Maps,
-    /// The name of the file names its one label.
+    /// The file's name, for its only label.
     FileName {
         /// Label.
         value: u16,
         /// Name of the organ.
         organ: String,
     },
-    /// Names of the files of a folder.
+    /// Names of the files in a folder.
     Folder {
-        /// Files that were read.
+        /// Number of files that were read.
         files: usize,
-        /// Words that were left out of all names, or empty.
+        /// Words that were left out of all file names, or empty.
         without: String,
     },
 }
 
 impl NamesFrom {
-    /// Whether numbers without names were looked up in a table.
+    /// Whether labels without names were looked up in a table by number.
     pub fn has_numbers(&self) -> bool {
         matches!(self, Self::Numbers { .. } | Self::Both { .. })
     }
 
-    /// The origin alone, as part of a sentence.
+    /// The origin without details, as part of a sentence.
     pub fn short(&self) -> String {
         match self {
             Self::File { part } | Self::Both { part, .. } => format!("names of {part}"),
@@ -129,12 +129,12 @@ pub enum NamingError {
         value: u16,
         /// Volume of the label, ml.
         ml: f64,
-        /// Organs in the file's name, as text to append, or empty.
+        /// Organs that the file's name may mean, as text to append, or empty.
         maybe: String,
-        /// Organ for the example.
+        /// Organ for the example in the message.
         example: String,
     },
-    /// A file's name and a chosen table that contradict each other.
+    /// A file name and a chosen table that contradict each other.
     #[error(
         "{path} is called `{organ}`, but its one label, {value}, is `{numbered}` by --names {table}: leave --names out to read it \
          by the file's name, or say what it is with --map {value}={organ}"
@@ -144,9 +144,9 @@ pub enum NamingError {
         path: PathBuf,
         /// Label.
         value: u16,
-        /// Organ of the file's name.
+        /// Organ that the file's name stands for.
         organ: String,
-        /// Class of the number.
+        /// Class that the table gives to the label's number.
         numbered: String,
         /// Name of the table.
         table: String,
@@ -159,7 +159,7 @@ pub enum NamingError {
     UnnamedAmongSeveral {
         /// Label map.
         path: PathBuf,
-        /// Organ of the file's name.
+        /// Organ that the file's name stands for.
         organ: String,
         /// Label.
         value: u16,
@@ -172,7 +172,7 @@ pub enum NamingError {
     SeveralLabels {
         /// Label map.
         path: PathBuf,
-        /// Organ of the file's name.
+        /// Organ that the file's name stands for.
         organ: String,
         /// The first labels without a name, as text.
         values: String,
@@ -186,7 +186,7 @@ fn listed_values(values: &[u16]) -> String {
     listed(&words, LISTED_MAX, ", ")
 }
 
-/// Part of a file of this kind that holds names.
+/// Name of the part of such a file that holds the labels' names, for messages.
 fn part(path: &Path) -> &'static str {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if name.ends_with(".nrrd") || name.ends_with(".nhdr") {
@@ -196,11 +196,11 @@ fn part(path: &Path) -> &'static str {
     }
 }
 
-/// Decides how the labels of a map get their names. A lone label without a name gets the name of the file, if that is
-/// an organ's.
+/// Decides where the labels of a map get their names. If a lone label has no name, and the file is called like an
+/// organ, the label gets that name.
 ///
 /// # Errors
-/// One label without a name in a file whose name is no organ's; contradictions between the file's name and its labels.
+/// One label without a name in a file whose name is no organ's; a file's name that contradicts its labels.
 pub fn name_labels(
     labels: &mut LabelMap,
     measures: &BTreeMap<(usize, u16), Measure>,
@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(from, NamesFrom::FileName { value: 1, organ: "liver".into() });
         assert_eq!(mask.segments[0].name.as_deref(), Some("liver"));
         assert!(from.to_string().contains("`liver` by the name of the file"), "{from}");
-        // The name agrees with the number in the table.
+        // The file's name agrees with the number in the table.
         assert!(named(&mut map("spleen.nii", &[1], &[]), true, &[]).is_ok());
         let error = named(&mut map("liver.nii", &[1], &[]), true, &[]).unwrap_err().to_string();
         assert!(error.contains("is called `liver`") && error.contains("`spleen` by --names total-v2"), "{error}");

@@ -38,7 +38,7 @@ impl Number {
         matches!(self, Self::F32 | Self::F64)
     }
 
-    /// Value of the first bytes, which must suffice; 0 otherwise. Integers beyond 2^53 are rounded.
+    /// Value of a number stored in the first bytes; 0 if there are too few. Integers beyond 2^53 are rounded.
     pub(super) fn read(self, bytes: &[u8], order: Order) -> f64 {
         macro_rules! value {
             ($type:ty) => {{

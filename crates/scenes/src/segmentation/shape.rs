@@ -5,21 +5,21 @@ use nalgebra::Matrix3;
 
 use insonify_core::anatomy::Mesh;
 
-/// Solid within a closed surface.
+/// Volume, centre and principal axes of the solid within a closed surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     /// Volume, mm³.
     pub volume_mm3: f64,
     /// Centre of mass, mm.
     pub centre_mm: DVec3,
-    /// Principal axes, longest first; unit vectors.
+    /// Principal axes, the longest first; unit vectors.
     pub axes: [DVec3; 3],
-    /// Extent along each principal axis: lowest and highest coordinate relative to the centre, mm.
+    /// For each principal axis, the lowest and highest coordinate of the surface along it, relative to the centre, mm.
     pub extent_mm: [[f64; 2]; 3],
 }
 
 impl Shape {
-    /// Shape of a closed mesh; `None` for one without volume.
+    /// Shape of a closed mesh; `None` if it has no volume.
     pub fn of(mesh: &Mesh) -> Option<Self> {
         let about = mesh.vertices_mm.first()?.as_dvec3();
         let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
@@ -29,7 +29,7 @@ impl Shape {
             let sum = a + b + c;
             volume += v;
             first += 0.25 * v * sum;
-            // Second moments of a tetrahedron with one corner at the origin.
+            // Second moments of the tetrahedron between a triangle and the origin.
             let outer = |p: DVec3| DMat3::from_cols(p * p.x, p * p.y, p * p.z);
             second += (outer(a) + outer(b) + outer(c) + outer(sum)) * (v / 20.0);
         }
@@ -60,7 +60,7 @@ impl Shape {
         self.extent_mm[0][1] - self.extent_mm[0][0]
     }
 
-    /// Longest axis, with its sense along `direction`.
+    /// Unit vector along the longest axis, in the sense that is nearer to `direction`.
     pub fn long_axis(&self, direction: DVec3) -> DVec3 {
         if self.axes[0].dot(direction) < 0.0 { -self.axes[0] } else { self.axes[0] }
     }

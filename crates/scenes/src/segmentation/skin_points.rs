@@ -20,13 +20,13 @@ const DIRECTIONS: [(&str, [f64; 3]); 7] = [
     ("RIGHT_LOWER", [-0.64, -0.6, -0.48]),
 ];
 
-/// File of the points of the scene file `scene`: the same name with `.points.csv` instead of its extension.
+/// Path of the points of the scene file `scene`: the same name with `.points.csv` instead of its extension.
 pub fn points_path(scene: &Path) -> PathBuf {
     scene.with_extension("points.csv")
 }
 
-/// Points of the skin to touch, LPS, mm. They lie over the lower end of the sternum and the front of both hip bones,
-/// if these are segments, and around the body wherever there is skin.
+/// Points of the skin to touch, LPS, mm. Some lie over the lower end of the sternum and the front of both hip bones, if
+/// these are segments. The others lie around the body, wherever there is skin.
 pub fn skin_points(surfaces: &[Made], sight: &Sight) -> Vec<Named<DVec3>> {
     let mut points = Vec::new();
     let mut add = |name: &str, from_mm: DVec3, direction: DVec3| {
@@ -35,7 +35,7 @@ pub fn skin_points(surfaces: &[Made], sight: &Sight) -> Vec<Named<DVec3>> {
         }
     };
     let bone = |name: &str| surfaces.iter().find(|s| s.segment.as_deref() == Some(name));
-    // The vertex farthest along a direction.
+    // Vertex of a mesh that is farthest along a direction.
     let end = |made: &Made, direction: DVec3| {
         let vertices = made.mesh.vertices_mm.iter().map(|v| v.as_dvec3());
         vertices.max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction)))

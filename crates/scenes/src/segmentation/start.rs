@@ -13,29 +13,29 @@ use super::skin_points::skin_points;
 use super::station_text::ProbeChoice;
 use super::windows::{Sight, WindowRow, look_at, windows};
 
-/// Impedances between gas and bone, MRayl, which ultrasound passes.
+/// Range of acoustic impedances that ultrasound passes, MRayl: above gas, below bone.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
-/// Image depth below the centre of the deepest window, mm.
+/// Image depth below the centre of the deepest window's plane, mm.
 const BELOW_MM: f64 = 25.0;
 
-/// A scene without any point for a probe.
+/// Error if no probe position can be found.
 #[derive(Debug, Error)]
 pub enum StartError {
-    /// No surface of this name.
+    /// No segment of the given name.
     #[error("--look-at {name}: the scene has no segment of that name{suggestion}; it has {known}")]
     Unknown {
         /// Name asked for.
         name: String,
         /// Nearest known name, as text to append, or empty.
         suggestion: String,
-        /// All names.
+        /// Names of all segments.
         known: String,
     },
-    /// No segment to look at.
+    /// No segment that could be shown.
     #[error("no segment becomes an organ: there is nothing to look at")]
     Nothing,
-    /// No line from the organ reaches the skin.
+    /// An organ from which no line reaches the skin.
     #[error(
         "no line from `{name}` meets skin: the scan ends within the body around it, or the body's outline is wrong, as that of an \
          image whose values or kind were mistaken; use a scan of a larger part, or give the body's outline with --body"
@@ -46,16 +46,16 @@ pub enum StartError {
     },
 }
 
-/// Start on a patient: windows, first view and probe.
+/// Where to start on a patient: windows, first view and probe.
 #[derive(Debug, Clone)]
 pub struct Start {
-    /// Standard planes with the patient's windows; may be empty.
+    /// Standard planes with their acoustic windows on the patient; may be empty.
     pub planes: StandardPlanes,
-    /// Visibility of each standard plane.
+    /// Table row of each window: how much of it is hidden.
     pub windows: Vec<WindowRow>,
     /// Name of the segment in the first view.
     pub target: String,
-    /// First view, with its pose.
+    /// First view, including the probe's pose.
     pub view: View,
     /// Probe for the first view.
     pub probe: ProbeChoice,
@@ -64,11 +64,11 @@ pub struct Start {
 }
 
 impl Start {
-    /// Windows and first view of `surfaces` whose scan ends at `cuts`. The view shows the segment `target`. Without
-    /// it, the view shows the segment of the best window, else the largest segment.
+    /// Windows and first view of `surfaces`, whose scan ends at `cuts`. The view shows the segment `target`. Without
+    /// `target`, it shows the segment of the best window, or else the largest segment.
     ///
     /// # Errors
-    /// No segment `target`; no skin from which it can be seen.
+    /// `target` is no segment; there is no skin from which the segment can be seen.
     pub fn of(
         surfaces: &[Made],
         cuts: Vec<CutPlane>,
@@ -112,7 +112,7 @@ impl Start {
     }
 }
 
-/// Segment of the best window, else the largest segment.
+/// Name of the segment of the best window, or else of the largest segment.
 fn first_target(planes: &StandardPlanes, rows: &[WindowRow], segments: &[&Made]) -> String {
     let best = rows.iter().min_by(|a, b| a.hidden.total_cmp(&b.hidden));
     let plane = best.and_then(|row| planes.planes.iter().find(|plane| plane.name == row.name));

@@ -8,7 +8,7 @@ use insonify_core::pose::Pose;
 
 /// Smallest and largest image depth, mm.
 const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
-/// Free depth below the organ, mm.
+/// Image depth below the organ's deepest point, mm.
 const BELOW_MM: f64 = 15.0;
 /// Image depth below which a linear probe is chosen, mm.
 const LINEAR_MM: f64 = 60.0;
@@ -27,7 +27,7 @@ pub struct ProbeChoice {
 }
 
 impl ProbeChoice {
-    /// Probe at `pose` that shows all of `target`: a linear probe if the target is shallow, else a convex one.
+    /// Probe at `pose` that shows all of `target`: a linear probe if the target is near the skin, else a convex one.
     pub fn for_target(pose: &Pose, target: &Mesh) -> Self {
         let probe_from_scene = pose.inverse();
         let depth = |v: &glam::Vec3| probe_from_scene.transform_point(v.as_dvec3()).z;
@@ -35,7 +35,7 @@ impl ProbeChoice {
         Self::of_depth(deepest_mm + BELOW_MM)
     }
 
-    /// Probe for an image depth of about `depth_mm`.
+    /// Probe for an image depth of `depth_mm`, rounded up to whole cm, within 40 to 220 mm.
     pub fn of_depth(depth_mm: f64) -> Self {
         let depth_mm = (10.0 * (depth_mm / 10.0).ceil()).clamp(DEPTHS_MM[0], DEPTHS_MM[1]);
         let is_convex = depth_mm > LINEAR_MM;
@@ -48,7 +48,8 @@ impl ProbeChoice {
     }
 }
 
-/// Text of a station file for `scene`, a path relative to that file. A comment says `what` the view shows.
+/// Text of a station file for `scene`, a path relative to that file. `what` is what the view shows, for a comment in
+/// it.
 pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -> String {
     let ProbeChoice { is_convex, frequency_mhz, depth_mm, focus_mm } = *probe;
     let mut out = String::new();

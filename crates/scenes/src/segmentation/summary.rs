@@ -10,10 +10,10 @@ use super::body::OutlineSource;
 use super::from_labels::{Facts, Made};
 use super::windows::WindowRow;
 
-/// Names of the sides of [`Facts::cut`].
+/// Names of the sides, in the order of [`Facts::cut`].
 const SIDES: [&str; 6] = ["right", "left", "front", "back", "feet", "head"];
 
-/// Surface of the scene.
+/// Table row of a surface of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the surface.
@@ -26,7 +26,7 @@ pub struct Row {
     pub triangles: usize,
     /// Volume within the surface, ml.
     pub mesh_ml: f64,
-    /// Volume of the segment's voxels, ml; none for a surface that doesn't belong to a segment.
+    /// Volume of the segment's voxels, ml; `None` for a surface that doesn't belong to a segment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxels_ml: Option<f64>,
 }
@@ -49,22 +49,22 @@ impl From<&Made> for Row {
 pub struct Summary {
     /// Scene file.
     pub scene: PathBuf,
-    /// Path of the segmentation, or of the first of its files.
+    /// Path of the segmentation, or of its first file.
     pub source: PathBuf,
     /// Surfaces, ascending in priority.
     pub surfaces: Vec<Row>,
-    /// Facts about how the scene was made; none for scenes of meshes.
+    /// Facts about how the scene was made; `None` for scenes made of meshes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub facts: Option<Facts>,
-    /// Names without a tissue, each with the known facts about it.
+    /// Names without a tissue, each with what is known about it.
     pub unmapped: Vec<String>,
     /// Repairs, one line each.
     pub repairs: Vec<String>,
-    /// Windows on the patient.
+    /// Table rows of the acoustic windows on the patient.
     pub windows: Vec<WindowRow>,
     /// Remarks on the scene.
     pub remarks: Vec<String>,
-    /// Files written, the scene first.
+    /// Paths of the files written, the scene first.
     pub files: Vec<PathBuf>,
 }
 
@@ -75,13 +75,13 @@ impl Summary {
     }
 }
 
-/// Remark on a body outline that was drawn around the organs.
+/// Remark for a body outline that was drawn around the organs.
 pub(super) fn remark_of_outline() -> &'static str {
     "the body's outline is a guess, a hull around all organs"
 }
 
 impl Facts {
-    /// Remarks on parts of the body that are missing or guessed, a line each.
+    /// Remarks on parts of the body that are missing or guessed, one line each.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         match self.outline {

@@ -6,14 +6,15 @@ use rayon::prelude::*;
 
 use super::grid::Grid;
 
-/// Offset of the test lines from voxel centres, in voxels; avoids the corners and edges of most meshes.
+/// Offset of the test lines from voxel centres, in voxels. Because of it, they miss the corners and edges of most
+/// meshes.
 const ASIDE: [f64; 2] = [0.017_31, 0.023_77];
 
-/// Most voxels of a grid.
+/// Largest number of voxels of a grid.
 const VOXELS_MAX: f64 = 5e8;
 
-/// Grid of voxels of `voxel_mm` around `meshes` (LPS), with a margin of `margin` voxels on each side; and a mask of
-/// the voxels that any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
+/// Grid with voxels of `voxel_mm` around `meshes` (LPS), `margin` voxels larger on each side, and the mask of the
+/// voxels that any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
 pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(Grid, Vec<bool>)> {
     let bounds = meshes.iter().filter_map(|mesh| mesh.bounds_mm()).reduce(|a, b| Bounds::with(a.with(b.min), b.max))?;
     let low = bounds.min.as_dvec3() - voxel_mm * margin as f64;
@@ -28,7 +29,7 @@ pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(
     Some((grid, inside))
 }
 
-/// Voxels of `grid` that any of `meshes` encloses.
+/// Mask of the voxels of `grid` that any of `meshes` encloses.
 pub fn inside_of(meshes: &[&Mesh], grid: &Grid) -> Vec<bool> {
     let mut inside = vec![false; grid.len()];
     for mesh in meshes {
@@ -45,8 +46,8 @@ pub fn inside_of(meshes: &[&Mesh], grid: &Grid) -> Vec<bool> {
     inside
 }
 
-/// Points where the line through each column of voxels crosses the mesh: height in voxels, and 1 where the line leaves
-/// the mesh upward, −1 where it enters.
+/// For each column of voxels along k: where its line crosses the mesh, as height in voxels, with 1 if the line leaves
+/// the mesh upward and −1 if it enters.
 fn crossings(mesh: &Mesh, grid: &Grid) -> Vec<Vec<(f64, i32)>> {
     let [nx, ny, _] = grid.size;
     let mut columns = vec![Vec::new(); nx * ny];

@@ -96,7 +96,7 @@ impl Border {
         let sum = (2.0 / WAVES as f32).sqrt() * self.waves.iter().map(turn).sum::<Vec2>();
         let relief = sum.x / (EVEN_POWER + 0.5 * sum.length_squared()).sqrt();
         let depth = self.rms_mm * (MEAN + relief);
-        // At the rim the border rises to the height at which the fascia continues outside.
+        // At the rim the border rises above the even fascia, so that the fascia under it joins the fascia outside.
         let inward = (-outside / RIM_MM).clamp(0.0, 1.0);
         let part = inward * inward * (3.0 - 2.0 * inward);
         depth * part - FASCIA_MM * (1.0 - part)

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-/// Neighbours of a voxel across its faces.
+/// Calls `visit` with the index of each neighbour that shares a face with the voxel.
 fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) {
     let strides = [1, size[0], size[0] * size[1]];
     for axis in 0..3 {
@@ -18,14 +18,15 @@ fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) 
     }
 }
 
-/// Smallest volume of a part that is kept, relative to the largest part: a leg, or an arm separate from the trunk.
+/// Smallest share of the largest part's volume at which a part is kept: that of a leg, or of an arm separate from the
+/// trunk.
 const PART_SHARE: f64 = 0.01;
 
-/// Keeps the large parts of `mask` (connected across voxel faces) and all parts with a voxel for which `holds` is
-/// true.
+/// Keeps the large parts of `mask`, connected across voxel faces. Also keeps every part with a voxel for which `holds`
+/// is true.
 pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl Fn(usize) -> bool) {
     let mut part_of = vec![0u32; mask.len()];
-    // Size of each part in voxels, and whether it is kept whatever its size; numbered from 1.
+    // For each part, counted from 1: its size in voxels, and whether it is kept whatever its size.
     let mut found = vec![(0usize, false)];
     let mut stack = Vec::new();
     for start in 0..mask.len() {
@@ -53,20 +54,20 @@ pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl 
     mask.par_iter_mut().zip(&part_of).for_each(|(inside, part)| *inside = *inside && kept[*part as usize]);
 }
 
-/// Gives each part of fewer than `voxels_min` voxels to the label that it touches most. A part has one label, or none.
-/// The last part of a label stays. Returns the number of parts that were given away, by label.
+/// Gives each part of fewer than `voxels_min` voxels to the label that it touches most. A part is a connected region of
+/// one label, or of none. The last part of a label stays. Returns the number of parts that each label lost.
 pub fn without_fragments(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
     let mut totals: HashMap<u16, usize> = HashMap::new();
     for &label in labels.iter() {
         *totals.entry(label).or_default() += 1;
     }
     let shared: &[u16] = labels;
-    // A fragment is found from its first voxel in memory.
+    // A fragment is found once, from the voxel with its lowest index.
     let fragments: Vec<Vec<usize>> = (0..labels.len())
         .into_par_iter()
         .filter_map(|start| {
             let label = shared[start];
-            // Most voxels have an earlier neighbour of the same label, so they start no part.
+            // Most voxels have a neighbour of their label with a lower index, so they start no part.
             let mut first = true;
             each_neighbour(start, size, |next| first &= !(next < start && shared[next] == label));
             first.then(|| fragment(shared, size, start, voxels_min)).flatten()
@@ -101,7 +102,8 @@ pub fn without_fragments(labels: &mut [u16], size: [usize; 3], voxels_min: usize
     gone
 }
 
-/// Voxels of the part at `start`, if it has fewer than `voxels_min` and no earlier voxel than `start`.
+/// Indices of the part with the voxel `start`; `None` if it has at least `voxels_min` voxels, or one with a lower
+/// index.
 fn fragment(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
     let mut found = vec![start];
     let mut next = 0;

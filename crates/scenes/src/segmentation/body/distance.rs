@@ -3,17 +3,18 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Mean distance between a curved border and the nearest voxel centre outside, in voxels.
+/// Mean distance from a curved border to the nearest voxel centre outside it, in voxels.
 pub(crate) const BORDER_VOXELS: f64 = 0.33;
 
-/// Distance of each voxel's centre to the nearest voxel centre of `set`, mm; infinite if `set` is empty. x is fastest.
+/// Distance from each voxel's centre to the nearest voxel centre of the mask `set`, mm; infinite if `set` is empty. The
+/// x axis is the fastest.
 pub fn distances_mm(set: &[bool], size: [usize; 3], voxel_mm: DVec3) -> Vec<f32> {
     let [nx, ny, nz] = size;
     let mut squares: Vec<f32> = vec![0.0; set.len()];
     squares.par_chunks_mut(nx.max(1)).zip(set.par_chunks(nx.max(1))).for_each(|(row, set)| {
         along_row(row, set, voxel_mm.x as f32);
     });
-    // Along y within each layer.
+    // Along y within each layer of equal z.
     squares.par_chunks_mut((nx * ny).max(1)).for_each(|layer| {
         let mut line = Line::new(ny);
         for x in 0..nx {
@@ -43,7 +44,7 @@ pub fn distances_mm(set: &[bool], size: [usize; 3], voxel_mm: DVec3) -> Vec<f32>
     squares
 }
 
-/// Squared distances along a row.
+/// Squared distances, mm², along a row in x to the nearest voxel of `set`.
 fn along_row(row: &mut [f32], set: &[bool], step_mm: f32) {
     let mut distance = f32::INFINITY;
     for (value, &inside) in row.iter_mut().zip(set) {
@@ -58,11 +59,11 @@ fn along_row(row: &mut [f32], set: &[bool], step_mm: f32) {
     }
 }
 
-/// Lower envelope of parabolas along a line.
+/// Working memory for one line: the lower envelope of the parabolas of squared distance.
 struct Line {
     values: Vec<f32>,
     found: Vec<f32>,
-    /// Positions of the parabolas of the envelope, and the position from which each is the lowest.
+    /// Vertices of the parabolas of the envelope, and the position from which each parabola is the lowest; in voxels.
     positions: Vec<usize>,
     starts: Vec<f32>,
 }

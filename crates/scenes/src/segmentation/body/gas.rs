@@ -1,24 +1,24 @@
-//! Gas in hollow organs: it collects in the highest part of a patient who lies on the back.
+//! Gas in hollow organs. It collects in the highest part of a patient who lies on the back.
 
 use rayon::prelude::*;
 
 use super::{BORDER_VOXELS, distances_mm};
 use crate::segmentation::grid::Grid;
 
-/// Density below which a CT shows gas, HU.
+/// Density below which a voxel of a CT is gas, HU.
 const GAS_HU: f32 = -400.0;
 
-/// Source of the gas of an organ.
+/// Information on the gas of an organ.
 #[derive(Debug, Clone, Copy)]
 pub enum Gas<'a> {
     /// Gas that a CT shows: HU of each voxel.
     Seen(&'a [f32]),
-    /// Share of the lumen with gas, 0..=1, from the most anterior rows on. Each slice of equal k has that share, as
-    /// loops of bowel fill separately.
+    /// Share of the lumen with gas, 0..=1, from the front. It is the same in each slice of equal k, as loops of bowel
+    /// fill separately.
     Share(f64),
 }
 
-/// Indices of the voxels of `label` that hold gas, at least `wall_mm` below the organ's surface.
+/// Indices of the voxels of `label` that are gas. They are at least `wall_mm` below the organ's surface.
 pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -> Vec<usize> {
     let Some((low, high)) = bounds(labels, grid, label) else { return Vec::new() };
     let size: [usize; 3] = std::array::from_fn(|axis| high[axis] - low[axis] + 3);
@@ -45,10 +45,10 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
                 }
                 Gas::Share(share) => share,
             };
-            // Rows ascend to the back: the first ones are the most anterior.
+            // Rows ascend to the patient's back, so the first ones are the most anterior.
             let keep = (share.clamp(0.0, 1.0) * lumen.len() as f64).round() as usize;
             let row = |i: usize| i / size[0];
-            // Whole rows only: gas has a level surface.
+            // Only whole rows are kept, as gas has a level surface.
             let level = lumen.get(keep).map_or(usize::MAX, |&i| row(i));
             lumen.retain(|&i| row(i) < level);
             lumen.into_iter().map(|i| index(coordinates(i))).collect::<Vec<_>>()
@@ -59,7 +59,7 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
     found
 }
 
-/// Lowest and highest voxel of a label.
+/// Lowest and highest index along each axis of a label's voxels; `None` without any.
 fn bounds(labels: &[u16], grid: &Grid, label: u16) -> Option<([usize; 3], [usize; 3])> {
     let found = labels.par_iter().enumerate().filter(|(_, l)| **l == label).map(|(i, _)| (grid.at(i), grid.at(i)));
     found.reduce_with(|a, b| {
@@ -94,7 +94,7 @@ mod tests {
         let level = gas.iter().map(|&i| grid.at(i)[1]).max().unwrap();
         assert!(gas.iter().all(|&i| labels[i] == 7) && level < 15, "{level}");
         assert!(gas_of(&labels, &grid, 3, 3.0, Gas::Share(0.3)).is_empty());
-        // A CT with gas in the left half.
+        // The CT shows gas in the left half of the organ.
         let hu: Vec<f32> = (0..grid.len()).map(|i| if grid.at(i)[0] > 15 { -900.0 } else { 30.0 }).collect();
         let seen = gas_of(&labels, &grid, 7, 3.0, Gas::Seen(&hu));
         assert!(seen.len() > 1000 && seen.iter().all(|&i| labels[i] == 7 && grid.at(i)[0] > 15));

@@ -1,4 +1,4 @@
-//! Parts of a body that a segmentation doesn't label: the outline, the skin, the fat beneath it, gas.
+//! Parts of a body that a segmentation doesn't label: outline, skin, fat beneath the skin, gas.
 
 mod components;
 mod distance;

@@ -14,27 +14,28 @@ pub enum OutlineSource {
     Label,
     /// The image that was segmented.
     Image,
-    /// A convex hull per slice around all labels: a guess.
+    /// A convex hull around all labels in each slice: a guess.
     Labels,
 }
 
-/// Lowest density of a body, HU: above air and foam, below lung at its border.
+/// Lowest density that counts as body, HU: above that of air and foam.
 const BODY_HU: f32 = -250.0;
-/// Distance between slices, mm, up to which the labels of one slice extend the hull of another.
+/// Largest distance between slices, mm, at which the labels of one extend the hull of the other.
 const REACH_MM: f64 = 60.0;
-/// Width of the structures that are removed from a body in an image, mm: the table, blankets, lines.
+/// Width up to which structures are removed from the body in an image, mm: the table, blankets, lines.
 const OPENING_MM: f64 = 6.0;
 
-/// Body from a mask: its large parts, and all parts with a voxel for which `holds` is true. Holes are filled.
+/// Mask of the body from a given mask: its large parts, and all parts with a voxel for which `holds` is true. Holes are
+/// filled.
 pub fn from_mask(mut mask: Vec<bool>, grid: &Grid, holds: impl Fn(usize) -> bool) -> Vec<bool> {
     large_components(&mut mask, grid.size, holds);
     fill_slices(&mut mask, grid.size);
     mask
 }
 
-/// Body in an image. In a CT, these are the voxels denser than foam; in other images, the voxels brighter than Otsu's
-/// threshold. The mask is opened, reduced to its large parts and filled slice by slice. `values` are in the order of
-/// the grid.
+/// Mask of the body in an image. In a CT, the body's voxels are denser than foam; in other images, they are brighter
+/// than Otsu's threshold. The mask is opened, reduced to its large parts and filled slice by slice. `values` are in the
+/// order of the grid.
 pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     let threshold = if is_ct { BODY_HU } else { otsu(values) };
     let mask: Vec<bool> = values.par_iter().map(|&v| v > threshold).collect();
@@ -49,8 +50,8 @@ pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     body
 }
 
-/// Hull of the labels, slice by slice, grown by `margin_mm` on all sides. The hull of a slice contains the labels of
-/// slices up to 60 mm away, so that the body has no gaps between organs.
+/// Mask of a body around the labels: in each slice a convex hull, grown by `margin_mm` on all sides. The hull contains
+/// the labels of slices up to 60 mm away, so that the body has no gaps between organs.
 pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     let [nx, ny, nz] = grid.size;
     let reach = (REACH_MM / grid.voxel_mm().z).round() as usize;
@@ -75,7 +76,7 @@ pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     to_hull.par_iter().map(|&d| f64::from(d) <= margin_mm).collect()
 }
 
-/// First and last label in each row of a slice: only these can be corners of the hull.
+/// First and last labelled voxel in each row of a slice, along x; only these can be corners of the hull.
 fn row_ends(slice: &[u16], nx: usize) -> Vec<Option<[usize; 2]>> {
     let ends = |row: &[u16]| Some([row.iter().position(|&l| l != 0)?, row.iter().rposition(|&l| l != 0)?]);
     slice.chunks(nx).map(ends).collect()
@@ -88,7 +89,7 @@ fn joined(a: Option<[usize; 2]>, b: Option<[usize; 2]>) -> Option<[usize; 2]> {
     }
 }
 
-/// Sets the voxels of a slice within the convex hull of the row ends.
+/// Sets the voxels of a slice within the convex hull of the row ends given by `rows`.
 fn fill_hull(slice: &mut [bool], rows: &[Option<[usize; 2]>], nx: usize) {
     let mut points: Vec<(i64, i64)> = Vec::new();
     for (y, ends) in (0..).zip(rows) {
@@ -97,7 +98,7 @@ fn fill_hull(slice: &mut [bool], rows: &[Option<[usize; 2]>], nx: usize) {
     if points.is_empty() {
         return;
     }
-    // Left and right side of the hull over rows (Andrew's monotone chain).
+    // Left or right side of the hull, row by row (Andrew's monotone chain).
     let side = |points: &mut dyn Iterator<Item = (i64, i64)>, sign: i64| {
         let mut chain: Vec<(i64, i64)> = Vec::new();
         for p in points {
@@ -139,7 +140,7 @@ fn fill_hull(slice: &mut [bool], rows: &[Option<[usize; 2]>], nx: usize) {
     }
 }
 
-/// Fills what is enclosed in each slice of equal k.
+/// Fills the holes in each slice of equal k.
 fn fill_slices(mask: &mut [bool], size: [usize; 3]) {
     let [nx, ny, _] = size;
     mask.par_chunks_mut(nx * ny).for_each(|slice| {
@@ -169,7 +170,7 @@ fn fill_slices(mask: &mut [bool], size: [usize; 3]) {
     });
 }
 
-/// Threshold that separates the values best into two classes (Otsu 1979).
+/// Threshold that best separates the values into two classes (Otsu 1979).
 fn otsu(values: &[f32]) -> f32 {
     const BINS: usize = 256;
     let (least, most) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
@@ -198,9 +199,9 @@ fn otsu(values: &[f32]) -> f32 {
     least + (best.1 + 1) as f32 / scale
 }
 
-/// Distance between the labels' hull and the outline that [`from_labels`] draws, mm.
+/// Margin between the labels' hull and the body's outline in [`from_labels`], mm.
 pub(crate) fn hull_margin_mm(skin_mm: f64, fat_mm: f64) -> f64 {
-    /// Thickness of muscle and fascia, which are seldom labelled, mm.
+    /// Assumed thickness of muscle and fascia, which are seldom labelled, mm.
     const WALL_MM: f64 = 4.0;
     skin_mm + fat_mm + WALL_MM
 }

@@ -11,7 +11,7 @@ pub enum Role {
     /// An organ with a surface of its own.
     #[default]
     Organ,
-    /// The whole body or a part of it: its outline is the skin's surface.
+    /// The whole body or a part of it; its outline is the outer surface of the skin.
     Body,
     /// The skin.
     Skin,
@@ -41,17 +41,17 @@ pub struct Gas {
     pub share: f64,
 }
 
-/// Anatomical meaning and tissue of a label.
+/// Class: anatomical meaning and tissue of a label.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Class {
-    /// Name.
+    /// Name of the class.
     pub name: String,
-    /// Number in label maps without names.
+    /// Label number in label maps without names.
     pub value: Option<u16>,
-    /// Tissue; for hollow organs, the tissue of the lumen. None only for ignored classes.
+    /// Tissue; for hollow organs, the tissue of the lumen. `None` only for ignored classes.
     pub tissue: Option<String>,
-    /// Priority: where surfaces overlap, the higher one is kept. None only for ignored classes.
+    /// Priority: where organs overlap, the higher one is kept. `None` only for ignored classes.
     pub priority: Option<i32>,
     /// Use of the label.
     #[serde(default)]
@@ -59,13 +59,13 @@ pub struct Class {
     /// Other names of the class.
     #[serde(default)]
     pub aliases: Vec<String>,
-    /// Shell inside the surface.
+    /// Shell just inside the surface.
     pub wall: Option<Wall>,
     /// Gas in the lumen.
     pub gas: Option<Gas>,
     /// Group to which the class belongs in pictures.
     pub group: Option<String>,
-    /// Organ that a mapping by the user gave to this name.
+    /// For a class that the user added by a mapping to an organ: name of that organ.
     #[serde(skip)]
     pub organ: Option<String>,
 }
@@ -98,7 +98,7 @@ impl Class {
         }
     }
 
-    /// This class, completed: one that states only a name and a number gets the properties of the known class of that
+    /// This class, completed. If it states only a name and a number, it gets the properties of the known class of that
     /// name.
     pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
         let states_none = self.tissue.is_none()
@@ -114,12 +114,12 @@ impl Class {
         }
     }
 
-    /// Name of the organ that the class stands for. For a mapped name, this is the organ of the mapping.
+    /// Name of the organ that the class stands for: that of the mapping if the user added the class, else its own.
     pub fn organ_name(&self) -> &str {
         self.organ.as_deref().unwrap_or(&self.name)
     }
 
-    /// Tissues of the class, its wall and its gas, each with its key.
+    /// Tissues of the class, its wall and its gas, each with its key in the table's file.
     pub(super) fn tissues(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let own = self.tissue.as_deref().map(|tissue| ("tissue", tissue));
         let wall = self.wall.as_ref().map(|wall| ("wall.tissue", wall.tissue.as_str()));
@@ -127,7 +127,8 @@ impl Class {
         own.into_iter().chain(wall).chain(gas)
     }
 
-    /// The first value that is missing or outside its range, as a message.
+    /// Refuses a class with a missing value, or one outside its range; the error is a message about the first such
+    /// value.
     pub(super) fn check(&self) -> Result<(), String> {
         let ignored = self.role == Role::Ignore;
         if self.name.trim().is_empty() {

@@ -12,7 +12,7 @@ pub enum ClassError {
     UnknownTable {
         /// Name.
         name: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
         /// All names.
         known: String,
@@ -28,7 +28,7 @@ pub enum ClassError {
     /// A file that isn't a table of classes.
     #[error("{table}: {error}")]
     Parse {
-        /// File, or name of a built-in table.
+        /// Path of the file, or name of a built-in table.
         table: String,
         /// Position and cause.
         error: Box<toml::de::Error>,
@@ -36,14 +36,14 @@ pub enum ClassError {
     /// A class with a wrong value.
     #[error("{table}: class `{class}`: {reason}")]
     Class {
-        /// File, or name of a built-in table.
+        /// Path of the file, or name of a built-in table.
         table: String,
         /// Class.
         class: String,
         /// Fault.
         reason: String,
     },
-    /// A mapping that isn't `name=tissue`.
+    /// A mapping that isn't of the form `NAME=TARGET`.
     #[error(
         "`{mapping}` must be NAME=TISSUE, NAME=CLASS or NAME=ignore, as in `Segment_1=liver`; NAME may be a number"
     )]
@@ -51,20 +51,20 @@ pub enum ClassError {
         /// Mapping as given.
         mapping: String,
     },
-    /// A mapping of a name that cannot be shown.
+    /// A mapping of a name with unprintable characters.
     #[error("`{mapping}`: the name has a line break or control character; leave it out")]
     Unprintable {
         /// Mapping, without these characters.
         mapping: String,
     },
-    /// A mapping of an unknown name or number.
+    /// A mapping of a name or number that occurs nowhere.
     #[error("--map: {path} has no `{name}`{nearest}; it has {known}")]
     Unused {
         /// Name or number.
         name: String,
-        /// File or folder.
+        /// File or folder with the labels.
         path: PathBuf,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
         /// All names and numbers.
         known: String,
@@ -76,7 +76,7 @@ pub enum ClassError {
         mapping: String,
         /// Text after the `=` of the mapping.
         target: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
     },
 }

@@ -5,13 +5,13 @@ use std::path::Path;
 use super::ClassTable;
 use super::key::words;
 
-/// Suffixes of the files that volumes are read from, longest first.
+/// Suffixes of the files from which volumes are read, longest first.
 pub const VOLUME_SUFFIXES: [&str; 7] = [".seg.nrrd", ".nii.gz", ".hdr.gz", ".nrrd", ".nhdr", ".nii", ".hdr"];
 
 /// Suffix of a file of voxels whose header is in another file.
 const VOXELS_SUFFIX: &str = ".img.gz";
 
-/// Words without meaning for the organ.
+/// Words that say nothing about the organ.
 const NEUTRAL: [&str; 34] = [
     "mask",
     "masks",
@@ -55,7 +55,7 @@ const NUMBERED: [&str; 17] = [
     "image", "id", "no", "bdmap",
 ];
 
-/// Words that change the meaning of an organ's name. They are never left out as common to all files.
+/// Words that change the meaning of an organ's name. They are never left out, even if all file names share them.
 const MEANING: [&str; 55] = [
     "tumor",
     "tumors",
@@ -114,12 +114,12 @@ const MEANING: [&str; 55] = [
     "distal",
 ];
 
-/// Organ named by a file's name.
+/// Organ that a file's name stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrganInName {
-    /// Name of the organ's class. All other words of the file's name have no meaning for organs.
+    /// Name of the organ's class. The other words of the file's name say nothing about organs.
     Is(String),
-    /// Names of the classes that the file may mean.
+    /// Names of the classes that the file's name may mean.
     Maybe(Vec<String>),
     /// No organ.
     No,
@@ -134,17 +134,17 @@ pub fn stem(path: &Path) -> String {
     suffix.map_or(name.clone(), |suffix| name[..name.len() - suffix.len()].to_owned())
 }
 
-/// Words that the names of all files of a folder share, in lower case.
+/// Words, in lower case, that the names of all files of a folder share.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CommonWords {
-    /// Words at the start.
+    /// Words at the start of each name.
     pub start: Vec<String>,
-    /// Words at the end.
+    /// Words at the end of each name.
     pub end: Vec<String>,
 }
 
-/// Words that all names share at their start and at their end, without words that change the meaning of an organ's
-/// name.
+/// Words that all names share at their start and at their end. Words that change the meaning of an organ's name end the
+/// search.
 pub fn common_words(stems: &[String]) -> CommonWords {
     let all: Vec<Vec<String>> = stems.iter().map(|stem| words(stem)).collect();
     let [first, _, ..] = &all[..] else { return CommonWords::default() };
@@ -164,8 +164,8 @@ pub fn common_words(stems: &[String]) -> CommonWords {
     CommonWords { start: first[..at_start].to_vec(), end: first[first.len() - at_end..].to_vec() }
 }
 
-/// Organ that the file name `stem` tells. `common` are the words that all files of its folder share; `None` for a lone
-/// file.
+/// Organ that the file name `stem`, without suffixes, stands for. `common` are the words that the names of all files of
+/// its folder share; `None` for a lone file.
 pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<&CommonWords>) -> OrganInName {
     let words = words(stem);
     if let (Some(class), Some(_)) = (table.named(stem), common) {
@@ -182,7 +182,7 @@ pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<&CommonWords
 }
 
 fn organ_in(words: &[String], table: &ClassTable) -> OrganInName {
-    // The longest run of words that names a class.
+    // The longest run of words that names a class counts.
     for length in (1..=words.len()).rev() {
         let runs = words.windows(length).enumerate();
         let named: Vec<(usize, &str)> = runs
@@ -199,7 +199,7 @@ fn organ_in(words: &[String], table: &ClassTable) -> OrganInName {
     OrganInName::No
 }
 
-/// Whether a word may name an organ: `T1` and `S1` also number patients and scans.
+/// Whether a word may name an organ. Short words don't count: `T1` and `S1` also number patients and scans.
 fn is_telling(word: &str) -> bool {
     word.len() >= 3 && word.chars().all(char::is_alphabetic)
 }

@@ -1,6 +1,6 @@
 //! Comparison of anatomical names as different tools write them.
 
-/// Words without meaning for the comparison, as in "Structure of liver".
+/// Words that are ignored in comparisons, as in "Structure of liver".
 const FILLERS: [&str; 5] = ["structure", "of", "the", "and", "entire"];
 
 /// Ordinals, from the first.
@@ -9,8 +9,8 @@ const ORDINALS: [&str; 12] = [
     "twelfth",
 ];
 
-/// Key for comparing names; names of the same meaning have the same key. It has the words in alphabetical order,
-/// without case, punctuation, plural and fillers.
+/// Key for comparing names: names of the same meaning have the same key. It consists of the words in alphabetical
+/// order, without case, punctuation, plural and fillers.
 ///
 /// `kidney_right`, `Right kidney`, `kidneyRight`, `Kidney, R` and `Structure of right kidney` have one key.
 pub(super) fn key(name: &str) -> String {
@@ -20,7 +20,8 @@ pub(super) fn key(name: &str) -> String {
     words.join(" ")
 }
 
-/// Runs of letters and digits in lower case; an upper-case letter after a lower-case one starts a word.
+/// Words of a name, in lower case: runs of letters and digits. An upper-case letter after a lower-case one starts a new
+/// word.
 pub(super) fn words(name: &str) -> Vec<String> {
     let (mut words, mut word, mut after_lower) = (Vec::new(), String::new(), false);
     for c in name.chars() {

@@ -1,4 +1,4 @@
-//! Classes of the segments of a label map.
+//! Classes of the segments of a label map, found in a class table.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,19 +12,19 @@ use crate::segmentation::volume::{LabelMap, Segment};
 /// A segment that has voxels, and its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MappedSegment {
-    /// Index in the label map's segments.
+    /// Index of the segment in the label map.
     pub segment: usize,
-    /// Layer of the label map.
+    /// Index of the segment's layer in the label map.
     pub layer: usize,
     /// Label in that layer.
     pub value: u16,
-    /// Name in the file, or else of the class.
+    /// Name in the file; the class's name for segments without one.
     pub name: String,
     /// Colour in the file, sRGB.
     pub colour: Option<[u8; 3]>,
     /// Class.
     pub class: Class,
-    /// Voxels.
+    /// Number of voxels.
     pub voxels: u64,
 }
 
@@ -33,13 +33,13 @@ pub struct MappedSegment {
 pub struct Unmapped {
     /// Name in the file, if it has one.
     pub name: Option<String>,
-    /// Layer of the label map.
+    /// Index of the segment's layer in the label map.
     pub layer: usize,
     /// Label in that layer.
     pub value: u16,
-    /// Voxels.
+    /// Number of voxels.
     pub voxels: u64,
-    /// Nearest names of known classes.
+    /// Names of known classes that are most similar to the segment's.
     pub nearest: Vec<String>,
 }
 
@@ -59,11 +59,11 @@ impl fmt::Display for Unmapped {
 }
 
 impl ClassTable {
-    /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class.
-    /// `measures` belong to the map.
+    /// Segments that have voxels: first those with a class, then those without one, both in the order of the map.
+    /// `measures` are those of `map`.
     ///
-    /// Segments of ignored classes are among the mapped ones. The class of a segment follows from its name, else from
-    /// its coded terms. The number counts for segments without a name, and where a mapping such as `7=liver` names it.
+    /// Segments of ignored classes are among the first. A segment's class follows from its name, else from its coded
+    /// terms. Its number decides if it has neither, or if a mapping such as `7=liver` names the number.
     pub fn map(
         &self,
         map: &LabelMap,

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use super::key::key;
 use super::{Class, ClassError};
 
-/// Built-in tables by name. If several tables have the same class name, the first one counts.
+/// Names and texts of the built-in tables. If several tables have a class name, that of the first one counts.
 const BUILTIN: [(&str, &str); 14] = [
     ("total-v2", include_str!("../../../assets/labels/total-v2.toml")),
     ("total-v1", include_str!("../../../assets/labels/total-v1.toml")),
@@ -31,11 +31,11 @@ const BUILTIN: [(&str, &str); 14] = [
     ("kits", include_str!("../../../assets/labels/kits.toml")),
 ];
 
-/// Number of complete tables, which come first: their classes state all their properties.
+/// Number of complete tables. They come first, and their classes state all properties.
 const WHOLE: usize = 6;
 
-/// Classes of the complete tables, by the keys of their names and aliases. Classes of other tables state only a name
-/// and a number.
+/// Classes of the complete tables, by the keys of their names and aliases. Classes of the other tables state only a
+/// name and a number.
 static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
     let mut known = HashMap::new();
     for (_, text) in &BUILTIN[..WHOLE] {
@@ -52,7 +52,7 @@ static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
 static TISSUES: LazyLock<Vec<String>> =
     LazyLock::new(|| TissueTable::builtin().map(|table| table.names().to_vec()).unwrap_or_default());
 
-/// Classes by name and by number.
+/// Class table: classes by name and by label number.
 #[derive(Debug, Clone, Default)]
 pub struct ClassTable {
     classes: Vec<Class>,
@@ -73,7 +73,7 @@ impl ClassTable {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// The built-in table called `name`, with the names of all other built-in tables.
+    /// The built-in table called `name`, extended by the names of all other built-in tables.
     ///
     /// # Errors
     /// A name that no built-in table has.
@@ -88,14 +88,15 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// The built-in table called `name` with its own numbers alone, for comparisons. `None` if no table has that name.
+    /// The built-in table called `name` without the names of the others, for comparisons. `None` if no table has that
+    /// name.
     pub fn numbers_of(name: &str) -> Option<Self> {
         let (_, text) = BUILTIN.iter().find(|(known, _)| *known == name)?;
         Self::parse(name, text).ok()
     }
 
-    /// The table in the file at `path`, with the names of all built-in tables that it doesn't define. The numbers are
-    /// those of the file alone.
+    /// The table in the file at `path`, extended by names of built-in tables that it doesn't define. Label numbers are
+    /// only those of the file.
     ///
     /// # Errors
     /// A file that can't be read, an unknown key, a wrong value, an unknown tissue, or a name or number given twice.
@@ -112,12 +113,12 @@ impl ClassTable {
         self.by_key.get(&key(name)).map(|index| &self.classes[*index])
     }
 
-    /// The class of the number `value`.
+    /// The class of the label number `value`; mappings by the user come first.
     pub fn numbered(&self, value: u16) -> Option<&Class> {
         self.numbered_by_user(value).or_else(|| self.by_value.get(&value).map(|index| &self.classes[*index]))
     }
 
-    /// The class that a mapping by the user, such as `7=liver`, gave to the number `value`.
+    /// The class that a mapping by the user, such as `7=liver`, gave to the label number `value`.
     pub fn numbered_by_user(&self, value: u16) -> Option<&Class> {
         self.by_added_value.get(&value).map(|index| &self.classes[*index])
     }
@@ -127,7 +128,7 @@ impl ClassTable {
         &self.classes
     }
 
-    /// Names of known classes nearest to `name`, at most three.
+    /// Up to three names of known classes that are most similar to `name`.
     pub fn nearest(&self, name: &str) -> Vec<String> {
         let wanted = key(name);
         let mut best: HashMap<usize, f64> = HashMap::new();
@@ -140,9 +141,9 @@ impl ClassTable {
         near.into_iter().take(3).map(|(index, _)| self.classes[index].name.clone()).collect()
     }
 
-    /// Adds a mapping `NAME=TARGET`; `NAME` may be the number of a label. `TARGET` is a class, whose properties the
-    /// name gets; or a tissue, of which the name becomes an organ; or `ignore`, which leaves it out of the scene.
-    /// Later mappings and mappings of known names replace earlier ones.
+    /// Adds a mapping `NAME=TARGET`. `NAME` may be the number of a label. `TARGET` is a class, whose properties the
+    /// name gets; a tissue, of which the name becomes an organ; or `ignore`, which leaves the name out of the scene. A
+    /// mapping replaces earlier mappings and known classes of its name.
     ///
     /// # Errors
     /// A mapping of another form, or an unknown target.
@@ -160,7 +161,7 @@ impl ClassTable {
         let class = if target.eq_ignore_ascii_case("ignore") {
             Class::ignored(name)
         } else if let Some(known) = self.named(target) {
-            // A number gets the name of its class; a name stays.
+            // A label number gets the name of its class; a name stays as it is.
             let name = if value.is_some() { &known.name } else { name };
             let organ = Some(known.organ_name().to_owned());
             Class { name: name.to_owned(), value: None, aliases: Vec::new(), organ, ..known.clone() }
@@ -175,7 +176,7 @@ impl ClassTable {
         match value {
             Some(value) => drop(self.by_added_value.insert(value, index)),
             None => {
-                // Whatever led to the old class of that name, numbers included, leads to the new one.
+                // Keys and numbers that led to the old class of that name now lead to the new one.
                 if let Some(old) = self.by_key.insert(key(name), index) {
                     let all = self.by_key.values_mut().chain(self.by_value.values_mut());
                     all.filter(|i| **i == old).for_each(|i| *i = index);
@@ -223,7 +224,7 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// Adds classes of built-in tables, without their numbers, under names that aren't known yet.
+    /// Adds the classes of all built-in tables, without their label numbers, under the names that aren't known yet.
     fn add_builtin_names(&mut self) -> Result<(), ClassError> {
         for (name, text) in BUILTIN {
             for class in Self::parse(name, text)?.classes {

@@ -12,21 +12,20 @@ use crate::segmentation::volume::LabelMap;
 /// Most names in a message.
 const LISTED_MAX: usize = 8;
 
-/// Possible subjects of mappings: the segments of a map, and the names of files.
+/// What mappings may refer to: the segments of a map, and the names of files.
 #[derive(Debug, Clone, Copy)]
 pub struct Mappable<'a> {
     /// File or folder, for messages.
     pub path: &'a Path,
-    /// Label map.
+    /// Label map with the segments.
     pub labels: &'a LabelMap,
     /// Names of mask files without their suffixes.
     pub stems: &'a [String],
-    /// Whether the labels are numbers in the file. In a folder, the reader assigns them.
+    /// Whether the file itself states the label numbers. In a folder of masks, the reader assigns them.
     pub has_numbers: bool,
 }
 
-/// Refuses the first mapping `NAME=TARGET` whose name or number matches nothing. `table` is the table without
-/// mappings.
+/// Refuses the first mapping `NAME=TARGET` whose name or number occurs nowhere. `table` has no mappings yet.
 ///
 /// # Errors
 /// A mapping whose name or number is not a segment's, not a file's, and not the target of another mapping.
@@ -62,7 +61,7 @@ impl Mappable<'_> {
         if segments.iter().any(|segment| is_wanted(&segment.name) || is_wanted(&segment.terminology)) {
             return true;
         }
-        // Words of a file's name, some of which all files may share.
+        // The name may be a part of a file's name, such as words that all files share.
         let within = |stem: &String| {
             let words = key(stem);
             wanted.split(' ').all(|word| words.split(' ').any(|other| other == word))
@@ -70,7 +69,7 @@ impl Mappable<'_> {
         if self.stems.iter().any(within) {
             return true;
         }
-        // Another name of a class that occurs.
+        // The name may be another name of a class that occurs.
         let Some(class) = table.named(name) else { return false };
         let common = common_words(self.stems);
         let is_called = |stem: &String| match organ_in_name(stem, table, Some(&common)) {

@@ -3,7 +3,7 @@ use glam::{DAffine3, DVec3};
 use super::super::volume::Segment;
 use super::*;
 
-/// Organs of an adult: class, ml, centre (LPS, mm).
+/// Organs of an adult: class, volume in ml, and centre (LPS, mm).
 const ADULT: [(&str, f64, [f64; 3]); 61] = [
     ("liver", 1500.0, [-60.0, 0.0, 0.0]),
     ("liver_tumour", 25.0, [-80.0, 10.0, 20.0]),
@@ -81,7 +81,8 @@ fn label_map(segments: Vec<Segment>) -> LabelMap {
     }
 }
 
-/// The adult's organs that a table has, as numbers of that table without names. Centres are multiplied by `by`.
+/// Label map without names, and its measures: the adult's organs that a table has and `only` accepts, with the table's
+/// numbers. Centres are multiplied by `by`.
 fn numbered(convention: &str, by: DVec3, only: impl Fn(&str) -> bool) -> (LabelMap, Measures) {
     let table = ClassTable::numbers_of(convention).unwrap();
     let (mut segments, mut measures) = (Vec::new(), Measures::new());
@@ -157,7 +158,7 @@ fn few_organs_of_the_table_for_mr_are_refused_by_its_name() {
 
 #[test]
 fn a_chosen_table_is_doubted_and_used() {
-    // A large spleen and a small kidney: unusual, and likelier a liver and its tumour.
+    // As a spleen and a kidney, the labels are unusually large and small; a liver and its tumour are likelier.
     let (labels, measures) = numbered("lits", DVec3::ONE, |_| true);
     let (chosen, from) = names("total-v2", true);
     let found = plausibility(&labels, &measures, &chosen, &from);
@@ -166,7 +167,7 @@ fn a_chosen_table_is_doubted_and_used() {
     assert!(remarks.len() == 1 && remarks[0].starts_with("the numbers fit --names lits"), "{remarks:?}");
 }
 
-/// Labels 1, 2 and so on without names, with their volumes and centres.
+/// Label map with the labels 1, 2 and so on without names, and its measures: volumes (ml) and centres.
 fn numbers(measured: &[(f64, [f64; 3])]) -> (LabelMap, Measures) {
     let (mut segments, mut measures) = (Vec::new(), Measures::new());
     for (value, (volume_ml, centre)) in (1..).zip(measured) {
@@ -191,19 +192,19 @@ fn a_liver_and_its_large_tumour_are_refused_as_spleen_and_kidney() {
 
 #[test]
 fn few_numbers_that_other_tables_fit_as_well_are_told_unless_the_table_was_chosen() {
-    // Both kidneys and a tumour of the right one, or a spleen and a right kidney.
+    // Either both kidneys and a tumour of the right one, or a spleen and a right kidney.
     let (labels, measures) = numbers(&[(310.0, [4.0, 60.0, -55.0]), (40.0, [-70.0, 55.0, -40.0])]);
     let (default, from) = names("total-v2", false);
     let found = plausibility(&labels, &measures, &default, &from);
     assert!(found.check(&labels, &default, &from).is_ok(), "{found:?}");
-    // Tables that give the numbers the same meanings are no choice.
+    // Tables that give the numbers the same meanings are not listed.
     let same = found.as_likely.iter().any(|name| ["total-v1", "btcv", "amos"].contains(name));
     assert!(found.as_likely.contains(&"kits") && !same, "{found:?}");
     let told = format!("the numbers fit --names {} as well: --names says which", found.as_likely.join(" or "));
     assert_eq!(found.remarks(&default, false), [told]);
     let (chosen, from) = names("total-v2", true);
     assert_eq!(plausibility(&labels, &measures, &chosen, &from).remarks(&chosen, false), [""; 0]);
-    // Four labels suffice to tell the table.
+    // Four labels suffice to recognise the table.
     let part = ["spleen", "kidney_right", "kidney_left", "liver"];
     let (labels, measures) = numbered("total-v2", DVec3::ONE, |name| part.contains(&name));
     let (default, from) = names("total-v2", false);
@@ -239,7 +240,7 @@ fn mapped_names_are_compared_as_the_organs_they_mean() {
     let labels = label_map(vec![named(1, "Segment_1"), named(2, "Segment_2")]);
     let (mut mapped, _) = names("total-v2", false);
     mapped.table.add("Segment_1=liver").unwrap();
-    // A mapping to a mapped name means the same organ.
+    // A mapping to a name that a mapping defined means the same organ.
     mapped.table.add("mine=spleen").unwrap();
     mapped.table.add("Segment_2=mine").unwrap();
     let from = NamesFrom::File { part: "the file's segments" };

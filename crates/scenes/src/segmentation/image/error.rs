@@ -23,9 +23,9 @@ pub enum ImageError {
     NotHu {
         /// Image.
         path: PathBuf,
-        /// Values of air, fat, organs and bone.
+        /// Values of air, fat, organs and bone in the image, as text.
         seen: String,
-        /// Advice, as a sentence without its full stop.
+        /// Advice, as a sentence without a full stop.
         remedy: String,
     },
     /// Soft tissue at voxels where the image has air.
@@ -37,14 +37,14 @@ pub enum ImageError {
         path: PathBuf,
         /// Share of the soft tissue in air, %.
         percent: f64,
-        /// Description of the values found.
+        /// Dark material at the soft tissue: air, or the background.
         what: &'static str,
-        /// Values of air and of the organs.
+        /// Value of the soft tissue, as text.
         seen: String,
         /// Likely cause and way out.
         hint: String,
     },
-    /// An image whose mirror image fits the labels better.
+    /// An image whose mirror image fits the labels better than the image itself.
     #[error(
         "{path}, given as --image, fits the labels better when mirrored {direction}: borders of organs then stand out \
          {times:.1} times as much. Mirror its voxels and keep its affine, or give the image that was segmented"
@@ -54,8 +54,8 @@ pub enum ImageError {
         path: PathBuf,
         /// Direction, as `left to right`.
         direction: String,
-        /// Strength of edges at organs' borders relative to edges within organs: the ratio of the mirror image over
-        /// the ratio of the image.
+        /// Ratio of edges at organs' borders to edges within organs, of the mirror image relative to the image as
+        /// given.
         times: f64,
     },
 }

@@ -1,4 +1,4 @@
-//! Whether an image fits the labels: no organs in air, and no mirror image that fits better.
+//! Fit of an image to the labels: organs must not lie in air, and no mirror image must fit better.
 
 use rayon::prelude::*;
 
@@ -7,45 +7,45 @@ use super::judge::Judgement;
 use super::levels::{Levels, Matter, Sample, quantile, value};
 use crate::segmentation::volume::Image;
 
-/// Value between soft tissue and aerated lung, HU.
+/// Density between those of soft tissue and aerated lung, HU.
 const AIR_HU: f32 = -300.0;
-/// Shares of the soft tissue in air, 0..=1. The first one refuses a CT, the last one causes a remark. The middle one
-/// refuses an MR: the share in the dark background.
+/// Shares of the soft tissue in air, 0..=1: from which a CT is refused, from which an MR is refused (there in the dark
+/// background), and from which a CT gets a remark.
 const REFUSED_SHARE: f64 = 0.2;
 const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
-/// Brightness below which an image other than a CT shows background, relative to its brightest parts.
+/// Brightness below which an image other than a CT shows background, relative to its brightest voxels.
 const BACKGROUND: f32 = 0.03;
-/// Smallest ratios of a mirror image that counts as right: its quality relative to the image as given, and its edges
-/// at organs' borders relative to those within organs.
+/// Smallest ratios for which a mirror image counts as right: of its quality to that of the image as given, and of its
+/// edges at organs' borders to those within organs.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
-/// Fewest organs that suffice to recognise a mirror image: one or two may fit better by chance.
+/// Fewest organs from which a mirror image is refused. One or two organs may fit better by chance.
 const TELLING_ORGANS: usize = 3;
-/// Offset that is added to the difference of neighbours within organs, relative to the largest difference that counts.
-/// Without it, an image without noise would divide by zero.
+/// Value added to the mean difference of neighbours within organs, relative to the largest difference that counts.
+/// Without it, an image without noise would cause a division by zero.
 const NOISE: f64 = 0.02;
-/// Largest difference of neighbours that counts as an edge, relative to the range of values.
+/// Difference of neighbours above which larger ones count no more, relative to the image's range of values.
 const EDGE: f32 = 0.1;
-/// Lowest density of the dense parts of bone, and of its median, HU. Marrow without minerals has about the density of
-/// soft tissue.
+/// Smallest plausible density of the dense parts of bone, and of bone's median, HU. Marrow without minerals has about
+/// the density of soft tissue.
 const CORTEX_HU: f32 = 150.0;
 const MARROW_HU: f32 = 70.0;
 
 /// Fit of an image, perhaps mirrored, to the labels.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fit {
-    /// Axes that are reversed.
+    /// For each axis, whether the image is mirrored along it.
     mirrored: [bool; 3],
-    /// Share of the soft tissue in air.
+    /// Share of the soft tissue in air, 0..=1.
     in_air: f64,
-    /// Mean difference of neighbouring voxels at the borders of labels, where each organ has the same weight, and
-    /// within organs.
+    /// Mean difference of neighbouring voxels at the borders of organs, each organ with the same weight; and within
+    /// organs.
     edges: f64,
     inner: f64,
-    /// Edges at borders relative to edges within organs.
+    /// Ratio of differences at borders to differences within organs.
     quality: f64,
-    /// Number of organs whose borders lie within the image.
+    /// Number of organs with borders within the image.
     organs: usize,
 }
 
@@ -111,7 +111,7 @@ pub(super) fn check(
             "{percent:.0} % of the labelled soft tissue lies in the CT's air: is the image of the same scan?"
         ));
     }
-    // A window may end below the cortex.
+    // The image's highest value may be below that of cortical bone, if its values are clipped.
     let cortex = CORTEX_HU.min(0.9 * levels.most());
     if let Some(dense) = levels.bone.as_ref().map(|bone| quantile(bone, 0.9)).filter(|dense| is_ct && *dense < cortex) {
         let remark =
@@ -137,7 +137,8 @@ impl Fit {
             soft += 1;
             in_air += usize::from(found(voxel.at) < limit);
         }
-        // Number of pairs and sum of their differences: at the border of each organ, and within all organs.
+        // Number of pairs of neighbours and sum of their differences: at the border of each organ, and within all
+        // organs.
         let mut borders = vec![(0.0_f64, 0.0_f64); sample.organs];
         let mut inner = (0.0, 0.0);
         for pair in &sample.pairs {
@@ -157,7 +158,7 @@ impl Fit {
         Self { mirrored, in_air, edges, inner, quality, organs: known.len() }
     }
 
-    /// Directions of the mirrored axes.
+    /// The mirrored axes in words.
     fn direction(&self) -> String {
         let names = ["left to right", "front to back", "head to feet"];
         let mirrored = names.into_iter().zip(self.mirrored).filter_map(|(name, mirrored)| mirrored.then_some(name));

@@ -1,4 +1,4 @@
-//! Kind of an image: a CT in HU, a CT in other units, or no CT.
+//! Judgement of an image: a CT in HU, a CT in other units, or no CT.
 
 use super::error::ImageError;
 use super::levels::{Levels, quantile, share_within, sorted};
@@ -6,42 +6,43 @@ use crate::segmentation::body::{distances_mm, from_mask};
 use crate::segmentation::grid::Grid;
 use crate::segmentation::volume::{Image, Modality};
 
-/// Value that only an image in HU reaches: air, HU. MR images are not negative, or only slightly.
+/// Value below which an image is in HU, since only air is that low. MR images have no, or only slightly, negative
+/// values.
 const AIR_HU: f32 = -500.0;
-/// Air in HU.
+/// Range of air in HU.
 const AIR_RANGE_HU: std::ops::Range<f32> = -1100.0..-900.0;
-/// Difference of soft tissue and air in HU, with and without contrast agent.
+/// Range of soft tissue minus air in HU, with and without contrast agent.
 const AIR_TO_SOFT_HU: std::ops::Range<f32> = 950.0..1250.0;
-/// Difference of soft tissue and fat in HU, with and without contrast agent.
+/// Range of soft tissue minus fat in HU, with and without contrast agent.
 const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
-/// Soft tissue in HU, with and without contrast agent.
+/// Range of the median of soft tissue in HU, with and without contrast agent.
 const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
-/// Value above the highest of soft tissue with contrast agent, HU.
+/// Value that no median of soft tissue in HU exceeds, with contrast agent included.
 const SOFT_HU_MAX: f32 = 400.0;
-/// Value above any possible median of labelled soft tissue, HU, even if all of it is blood with contrast agent. Values
-/// that lack their rescale intercept are higher.
+/// As `SOFT_HU_MAX`, but for an image that the user states to be a CT: even if all the tissue were blood with contrast
+/// agent. Values that lack their rescale intercept are higher.
 const STATED_SOFT_HU_MAX: f32 = 800.0;
-/// Fat in HU.
+/// Range of fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
-/// Lower end of a window, HU, above which fat can't be told from air.
+/// Lowest value of a clipped CT, HU, above which fat can't be told from air.
 const WINDOW_HU: f32 = -125.0;
-/// Distance of fat above soft tissue, relative to the distance of soft tissue above air, from which an image is an MR.
+/// Smallest difference of fat and soft tissue, relative to that of soft tissue and air, that makes an image an MR.
 const BRIGHT_FAT: f32 = 0.5;
-/// Depths of the fat under the skin, mm.
+/// Range of depths below the skin at which fat is sought, mm.
 const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
 
 /// Kind of an image, with the reason as a sentence.
 pub(super) enum Judgement {
     /// A CT in HU.
     Hu(String),
-    /// A CT in HU, clipped: values below `low` became `low`.
+    /// A CT in HU with clipped values: those below `low` became `low`.
     Window { low: f32, reason: String },
     /// An MR, or any other image in which bright voxels are the body.
     Other(String),
 }
 
-/// Judges an image by its values. `fat_ring` gives the median value just under the skin of a body that consists of all
-/// values above a limit.
+/// Judges an image by its values. `fat_ring(limit)` gives the median value just under the skin of the body, if all
+/// values above `limit` are the body.
 pub(super) fn judge(
     image: &Image,
     levels: &Levels,
@@ -113,10 +114,11 @@ pub(super) fn judge(
     };
     let air = levels.air(soft - 0.3 * (soft - least).max(f32::MIN_POSITIVE));
     let fat = fat_ring(air + 0.1 * (soft - air));
-    // A window that begins above the fat shows muscle under the skin. Bone is then far brighter than organs.
+    // If a window begins above the fat, the values under the skin are those of muscle. Bone is then far brighter than
+    // organs.
     let darker = fat.is_none_or(|fat| fat < soft - 0.05 * (soft - air));
     let far = levels.bone.as_ref().is_some_and(|bone| quantile(bone, 0.5) - air > 1.5 * (soft - air));
-    // Fat that is far brighter than organs indicates an MR.
+    // In an MR, fat may be far brighter than organs.
     let is_fat_bright = fat.is_some_and(|fat| fat > soft + BRIGHT_FAT * (soft - air));
     if is_denser(levels, air, soft) && (darker || (far && !is_fat_bright)) {
         let remedy =
@@ -128,7 +130,7 @@ pub(super) fn judge(
     Ok(Judgement::Other(other(why_other(levels, fat, soft), levels, fat)))
 }
 
-/// A CT in HU without air: its field of view lies within the body, or its values are clipped.
+/// Judges a CT in HU without air: its field of view lies within the body, or its values are clipped.
 fn window(
     levels: &Levels,
     refused: &dyn Fn(f32, Option<f32>, String) -> Result<Judgement, ImageError>,
@@ -152,25 +154,26 @@ fn window(
     Ok(Judgement::Window { low, reason })
 }
 
-/// Whether values that don't reach air are HU: fat is negative, and bone is as far above organs as in a CT.
+/// Whether an image whose values don't reach air is in HU: it has negative fat, and bone is as far above organs as in a
+/// CT.
 fn is_hu_scale(levels: &Levels) -> bool {
     let (low, high) = (levels.least(), levels.most());
     let soft = levels.soft_median();
     if !(AIR_HU..=-20.0).contains(&low) || high < 60.0 || soft.is_some_and(|soft| !SOFT_HU.contains(&soft)) {
         return false;
     }
-    // The window begins above the fat: many voxels have its lowest value. `window` refuses it.
+    // The values are clipped above the fat, as many voxels have the lowest value. `window` then refuses the image.
     if low > WINDOW_HU && levels.clipped_low(0.02) {
         return true;
     }
     let has_fat = share_within(&levels.all, FAT_HU.start.max(low + 1.0), FAT_HU.end) > 0.01;
     let Some(soft) = soft else { return has_fat };
-    // The distance from fat, or from a window's end, to organs is about the distance from organs to bone. The distance
-    // from air is larger.
+    // Organs are about as far above fat, or above the lower end of a window, as bone is above organs. They are farther
+    // above air.
     let below = soft - levels.air(soft - 0.3 * (soft - low));
     has_fat
         && match &levels.bone {
-            // With contrast agent, a window may end just above the organs: bone then has its highest value.
+            // With contrast agent, a window may end just above the organs, so that bone has its highest value.
             Some(bone) => {
                 let dense = quantile(bone, 0.95);
                 dense - soft > 0.7 * below || dense >= high - 1.0
@@ -179,8 +182,8 @@ fn is_hu_scale(levels: &Levels) -> bool {
         }
 }
 
-/// Whether soft tissue and fat are in HU, and nearly all values below air are equal: padding of the region that wasn't
-/// scanned. A rescaled CT has more distinct values there, since its air is noisy.
+/// Whether an image in HU is padded: nearly all values below air are equal, as in a region that wasn't scanned. A
+/// rescaled CT has more distinct values there, since its air is noisy.
 fn is_padded(levels: &Levels) -> bool {
     let least = levels.least();
     let padding = share_within(&levels.all, least, least + 1.0);
@@ -191,7 +194,7 @@ fn is_padded(levels: &Levels) -> bool {
         && between < 0.1 * padding
 }
 
-/// Whether all of bone is denser than soft tissue, as in a CT; in an MR, the cortex of a bone is dark. Without
+/// Whether nearly all bone is denser than soft tissue, as in a CT; in an MR, the cortex of a bone is dark. Without
 /// labelled bone: whether all soft tissue has about one value, as far above air as in HU.
 fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
     let relative = |value: f32| (value - air) / (soft - air).max(f32::MIN_POSITIVE);
@@ -201,7 +204,8 @@ fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
             at(0.1) > 0.9 && at(0.5) > 1.03 && at(0.9) > 1.1
         }
         (None, Some(values)) => {
-            // Without contrast agent all organs lie within 60 HU, 6 % of the way from air.
+            // In a CT without contrast agent, the values of all organs lie within 60 HU: 6 % of their distance from
+            // air.
             let spread = relative(quantile(values, 0.9)) - relative(quantile(values, 0.1));
             spread < 0.15 && AIR_TO_SOFT_HU.contains(&(soft - air))
         }
@@ -209,7 +213,8 @@ fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
     }
 }
 
-/// Median of unlabelled voxels 4 to 12 mm below the surface of all values above `limit`.
+/// Median value of the unlabelled voxels at `FAT_DEPTH_MM` below the surface of the body, which are all values above
+/// `limit`. `None` if there are none.
 pub(super) fn fat_ring(values: &[f32], grid: &Grid, labels: &[u16], limit: f32) -> Option<f32> {
     let body = from_mask(values.iter().map(|value| *value > limit).collect(), grid, |_| false);
     let outside: Vec<bool> = body.iter().map(|inside| !inside).collect();
@@ -227,13 +232,13 @@ fn why_other(levels: &Levels, fat: Option<f32>, soft: f32) -> &'static str {
     }
 }
 
-/// Sentence on an image that is not a CT.
+/// Sentence that an image is no CT, with the reason `why`.
 fn other(why: &str, levels: &Levels, fat: Option<f32>) -> String {
     let seen = seen(levels, levels.least(), fat);
     format!("the image was taken as an MR, {why} ({seen}): its fat isn't used")
 }
 
-/// Values of air, fat, organs and bone.
+/// Values of air, lungs, fat, soft tissue and bone in the image, as text.
 fn seen(levels: &Levels, air: impl Into<Option<f32>>, fat: Option<f32>) -> String {
     let number = |value: f32| if value.abs() < 10.0 { format!("{value:.2}") } else { format!("{value:.0}") };
     let median = |values: &Option<Vec<f32>>| values.as_ref().map(|values| quantile(values, 0.5));

@@ -1,4 +1,4 @@
-//! Values of an image at labelled voxels, and in its background.
+//! Sample of an image's values: at labelled voxels, and in the whole image.
 
 use glam::DVec3;
 
@@ -6,16 +6,16 @@ use crate::segmentation::grid::Grid;
 use crate::segmentation::inputs::Organ;
 use crate::segmentation::volume::Image;
 
-/// Most labelled voxels in the sample.
+/// Largest number of labelled voxels in the sample.
 const LABELLED_MAX: usize = 200_000;
 
-/// Most voxels of the whole image in the sample.
+/// Largest number of voxels of the whole image in the sample.
 const IMAGE_MAX: usize = 1_000_000;
 
-/// Fewest voxels whose values are used.
+/// Number of voxels below which the values of a matter are not used.
 const LEAST_VOXELS: usize = 50;
 
-/// Classes of organs whose density is known.
+/// Matter of an organ: groups of classes by density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Matter {
     /// Bone.
@@ -24,7 +24,7 @@ pub(super) enum Matter {
     Gas,
     /// Soft tissue and fluids.
     Soft,
-    /// Any other class: bowel, whose gas may be anywhere, and fat.
+    /// Classes without a clear density: bowel, whose gas may be anywhere, and fat.
     Other,
 }
 
@@ -44,16 +44,16 @@ impl Matter {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Labelled {
     pub(super) matter: Matter,
-    /// Voxel of the image.
+    /// Indices of the image's voxel.
     pub(super) at: [usize; 3],
 }
 
 /// Two neighbouring voxels of the image, the first one labelled.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
-    /// Index of the organ of the first voxel.
+    /// Index of the organ to which the first voxel belongs.
     pub(super) organ: u16,
-    /// Whether the border of the label lies between the voxels.
+    /// Whether the voxels have different labels.
     pub(super) at_border: bool,
     pub(super) ends: [[usize; 3]; 2],
 }
@@ -66,7 +66,7 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Labelled voxels within the image.
+    /// Samples the labelled voxels that lie within the image.
     pub(super) fn of(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Self {
         let matters: Vec<Matter> = organs.iter().map(Matter::of).collect();
         let count = labels.iter().filter(|label| **label != 0).count();
@@ -96,7 +96,7 @@ impl Sample {
         Self { voxels, pairs, organs: organs.len() }
     }
 
-    /// Values at voxels of `matter`, ascending; `None` for too few voxels.
+    /// Values at the sampled voxels of `matter`, ascending; `None` if they are fewer than [`LEAST_VOXELS`].
     pub(super) fn values(&self, image: &Image, matter: Matter) -> Option<Vec<f32>> {
         let of = self.voxels.iter().filter(|v| v.matter == matter).map(|v| value(image, v.at));
         let sorted = sorted(of);
@@ -104,7 +104,7 @@ impl Sample {
     }
 }
 
-/// Value of a voxel.
+/// Value of the image at a voxel.
 pub(super) fn value(image: &Image, [i, j, k]: [usize; 3]) -> f32 {
     image.values[(k * image.size[1] + j) * image.size[0] + i]
 }
@@ -116,13 +116,13 @@ pub(super) fn sorted(values: impl Iterator<Item = f32>) -> Vec<f32> {
     sorted
 }
 
-/// Value below which a share of ascending values lies.
+/// Value below which the given share of the sorted values lies; NaN if there are none.
 pub(super) fn quantile(sorted: &[f32], share: f64) -> f32 {
     let at = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
     sorted.get(at).copied().unwrap_or(f32::NAN)
 }
 
-/// Share of ascending values within `from..to`.
+/// Share of the sorted values that lie within `from..to`.
 pub(super) fn share_within(sorted: &[f32], from: f32, to: f32) -> f64 {
     let below = |limit: f32| sorted.partition_point(|value| *value < limit);
     (below(to).saturating_sub(below(from))) as f64 / sorted.len().max(1) as f64
@@ -130,9 +130,9 @@ pub(super) fn share_within(sorted: &[f32], from: f32, to: f32) -> f64 {
 
 /// Distributions of an image's values.
 pub(super) struct Levels {
-    /// Values all over the image, ascending.
+    /// Values of the whole image, ascending.
     pub(super) all: Vec<f32>,
-    /// Values of soft tissue, bone and lungs, ascending, where enough is labelled.
+    /// Values of soft tissue, bone and lungs, ascending; `None` where too few voxels are labelled.
     pub(super) soft: Option<Vec<f32>>,
     pub(super) bone: Option<Vec<f32>>,
     pub(super) lungs: Option<Vec<f32>>,
@@ -157,12 +157,13 @@ impl Levels {
         self.all.last().copied().unwrap_or(0.0)
     }
 
-    /// Median of the soft tissue.
+    /// Median value of the soft tissue; `None` if too little is labelled.
     pub(super) fn soft_median(&self) -> Option<f32> {
         self.soft.as_ref().map(|soft| quantile(soft, 0.5))
     }
 
-    /// Most frequent value below `limit`, as the middle of one of 100 bins: air, in a CT and in an MR.
+    /// Most frequent value below `limit`, which is that of air in a CT and in an MR. It is the median within the
+    /// fullest of 100 bins.
     pub(super) fn air(&self, limit: f32) -> f32 {
         const BINS: usize = 100;
         let least = self.least();
@@ -182,8 +183,8 @@ impl Levels {
         quantile(&below[start..end], 0.5)
     }
 
-    /// Whether many voxels have the lowest value: more than `share` of all, and three times as many as the next
-    /// values.
+    /// Whether the lowest value is so frequent that the values must be clipped: more than `share` of all voxels have
+    /// it, and three times as many as have the next values.
     pub(super) fn clipped_low(&self, share: f64) -> bool {
         let (least, most) = (self.least(), self.most());
         let step = (most - least) * 1e-3;

@@ -1,7 +1,7 @@
 //! Checks of the image that was segmented: whether it is a CT in HU, and whether it fits the labels.
 //!
-//! [`checked`] compares the image values at labelled voxels with the tissue that the labels state: soft tissue, bone,
-//! lungs. Its result is on the labels' grid.
+//! [`checked`] compares the image's values at labelled voxels with the tissues that the labels state: soft tissue,
+//! bone, lungs. Its result is on the labels' grid.
 
 mod error;
 mod fit;
@@ -23,19 +23,20 @@ use levels::{Levels, Sample};
 /// An image on the grid of the labels, and its kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
-    /// Values in the order of the grid: HU if it is a CT.
+    /// Values in the order of the labels' grid: HU if it is a CT.
     pub values: Vec<f32>,
     /// True for a CT.
     pub is_ct: bool,
-    /// Kind of the image with the reason, and remarks on its fit, one sentence each.
+    /// Sentences on the kind of the image, with the reason, and on its fit.
     pub remarks: Vec<String>,
 }
 
-/// The image on `grid`. `labels` are 0, or 1 + the index of their organ. `image` must be canonical.
+/// Checks `image` and transfers it to `grid`, that of the labels. `labels` are 0, or 1 + the index of their organ.
+/// `image` must be in canonical order.
 ///
 /// # Errors
-/// An image of one value; a CT whose values aren't HU, unless they are clipped below the fat; an image that doesn't
-/// fit the labels: organs in air, or a mirror image that fits three or more organs better.
+/// An image of one value; a CT whose values aren't HU, or are clipped above the fat; an image that doesn't fit the
+/// labels, since organs lie in air, or a mirror image fits three or more organs better.
 pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
     let (lowest, highest) = (least(&image.values), most(&image.values));
     if lowest >= highest {
@@ -62,7 +63,7 @@ pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> 
     Ok(Checked { values, is_ct, remarks })
 }
 
-/// Index, in the grid `to`, of the voxel nearest to a voxel of the grid `from`.
+/// Function from the index of a voxel of grid `from` to that of the nearest voxel of grid `to`; `None` outside `to`.
 pub(super) fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize> + Sync + use<> {
     let to_from = to.lps_from_voxel.inverse() * from.lps_from_voxel;
     let (from, size) = (from.clone(), to.size);
@@ -78,16 +79,15 @@ fn most(values: &[f32]) -> f32 {
     values.par_iter().copied().reduce(|| f32::NEG_INFINITY, f32::max)
 }
 
-/// Values of an image on `grid`; the lowest value outside its field.
+/// Values of an image on `grid`; outside the image, its lowest value.
 fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
     let least = least(&image.values);
     let index = nearest(grid, &image.grid());
     (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }
 
-/// Advice on a volume in the wrong position: the signs of its affine to change, so that it contains at least
-/// `least_percent` of the labelled voxels. `holds` tells which voxels of the volume may contain them. Empty if no
-/// change helps.
+/// Advice on a volume in the wrong position: axes of its affine to negate, so that it contains at least `least_percent`
+/// of the labelled voxels. `holds` tells which of the volume's voxels belong to its content. Empty if no change helps.
 pub(super) fn turned_hint(
     labels: &[u16],
     grid: &Grid,

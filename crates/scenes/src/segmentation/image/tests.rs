@@ -24,7 +24,7 @@ enum Is {
     Lung,
 }
 
-/// A trunk: tissue and label of each voxel.
+/// Tissue and label of a voxel of a trunk.
 fn trunk([i, j, k]: [usize; 3]) -> (Is, u16) {
     let p = DVec3::new(i as f64 - 35.5, j as f64 - 27.5, k as f64 - 19.5);
     let within =
@@ -59,7 +59,7 @@ fn hu(is: Is) -> f32 {
     }
 }
 
-/// T1-weighted without fat suppression.
+/// Brightness of a tissue in a T1-weighted MR image without fat suppression.
 fn t1(is: Is) -> f32 {
     match is {
         Is::Air => 8.0,
@@ -74,7 +74,7 @@ fn t1(is: Is) -> f32 {
     }
 }
 
-/// T2-weighted with fat suppression: fat is darker than organs, as in a CT.
+/// Brightness of a tissue in a T2-weighted MR image with fat suppression. As in a CT, fat is darker than organs.
 fn t2_fat_suppressed(is: Is) -> f32 {
     match is {
         Is::Air => 4.0,
@@ -201,14 +201,14 @@ fn a_ct_in_hu_is_a_ct_with_or_without_air_padding_and_contrast_agent() {
     let contrast =
         image(|is| if is == Is::Kidney { 230.0 } else { hu(is) + if is == Is::Liver { 60.0 } else { 0.0 } }, 18.0);
     accepted(&contrast, true, "a CT in HU");
-    // Padded without air.
+    // The region that wasn't scanned is padded, and there is no air.
     for padding in [-3024.0, -2000.0] {
         let grid = grid();
         let values = ct().values.into_iter().enumerate();
         let values = values.map(|(i, v)| if trunk(grid.at(i)).0 == Is::Air { padding } else { v }).collect();
         accepted(&Image { values, ..ct() }, true, &format!("padded with {padding:.0}: lungs -830, soft tissue "));
     }
-    // Cropped to the organs, so that no value is as low as air.
+    // The image is cropped to the organs, so that no value is as low as air.
     let grid = grid();
     let values = ct().values.into_iter().enumerate();
     let cropped = values
@@ -231,7 +231,7 @@ fn a_window_that_holds_the_fat_keeps_it_and_says_so() {
         assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{low}: {}", share(&body, Is::Fat));
         assert!(differs * 200 < whole.iter().filter(|&&b| b).count(), "{low}: {differs} voxels differ");
     }
-    // With contrast agent, bone at the window's upper end is nearer to the organs than the lower end is.
+    // With contrast agent, bone at the window's upper end is nearer to the organs than its lower end is.
     let contrast = |is| if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 110.0 } else { hu(is) };
     accepted(&mapped(image(contrast, 18.0), |hu| hu.clamp(-160.0, 240.0)), true, "clipped to -160 to 240 HU");
 }
@@ -244,7 +244,7 @@ fn a_ct_that_is_not_in_hu_is_refused_with_its_likely_cause() {
     );
     refused(&mapped(ct(), |hu| hu - 1024.0), &["shifted by about -10"]);
     refused(&mapped(ct(), |hu| hu * 4.0), &["isn't in HU", "rescaled"]);
-    // Fat stays fat, and much air has the lowest value: no padding.
+    // Fat is still recognised, and much air has the lowest value, so that value is no padding.
     refused(&mapped(ct(), |hu| hu.max(-1000.0) * 1.4), &["isn't in HU", "rescaled"]);
     for (low, high, to) in
         [(-1000.0, 1000.0, 255.0), (-1000.0, 1000.0, 1.0), (-160.0, 240.0, 255.0), (-160.0, 240.0, 1.0)]
@@ -252,9 +252,9 @@ fn a_ct_that_is_not_in_hu_is_refused_with_its_likely_cause() {
         let rescaled = mapped(ct(), |hu| (hu.clamp(low, high) - low) / (high - low) * to);
         refused(&rescaled, &["isn't in HU", "air 0.00", "fat", "rescaled or clipped", "--body"]);
     }
-    // Normalized by mean and standard deviation, as for neural networks.
+    // Values are normalized by mean and standard deviation, as for neural networks.
     refused(&mapped(ct(), |hu| (hu.clamp(-160.0, 240.0) - 40.0) / 120.0), &["rescaled or clipped"]);
-    // Windows without fat.
+    // Values are clipped above those of fat.
     refused(&mapped(ct(), |hu| hu.clamp(-100.0, 300.0)), &["clipped to -100 to 300 HU", "fat can't be told from air"]);
     refused(&mapped(ct(), |hu| hu.clamp(0.0, 400.0)), &["isn't in HU", "air 0.00"]);
 }
@@ -267,10 +267,10 @@ fn an_mr_is_taken_as_one_and_the_reason_is_said() {
         assert!(checked.remarks[0].contains("its fat isn't used"));
     }
     accepted(&mapped(image(t2_fat_suppressed, 6.0), f32::abs), false, "an MR, bone has dark parts");
-    // Normalized, and with the ringing of an interpolation.
+    // Values are normalized; or slightly negative, as from the ringing of an interpolation.
     accepted(&mapped(image(t1, 6.0), |v| (v - 120.0) / 150.0), false, "an MR");
     accepted(&mapped(image(t1, 6.0), |v| v - 20.0), false, "an MR");
-    // Without bones among the labels, and with soft tissue as far from air as in a CT.
+    // The labels have no bones, and soft tissue is as far from air as in a CT.
     let labels: Vec<u16> = labels().into_iter().map(|label| if label > 4 { 0 } else { label }).collect();
     let bright = mapped(image(t1, 6.0), |v| v.abs() * 5.0);
     let checked = checked(&bright, &grid(), &labels, &organs()).unwrap();
@@ -284,11 +284,11 @@ fn what_the_user_states_overrides_the_values() {
     accepted(&as_mr, false, "as --image-type says");
     let as_ct = |image: Image| Image { stated: Some(Modality::Ct), ..image };
     accepted(&as_ct(ct()), true, "as --image-type says");
-    // Without the rescale intercept, or with the intercept applied twice, everything would be body or air.
+    // A missing rescale intercept, or one applied twice, would make everything body or air.
     for wrong in [shifted.clone(), mapped(shifted, |value| value.max(0.0)), mapped(ct(), |hu| hu - 1024.0)] {
         refused(&as_ct(wrong), &["isn't in HU", "dcm2niix", "--image-type ct doesn't convert values"]);
     }
-    // Much contrast agent.
+    // Organs with much contrast agent are accepted.
     let bright = |is| hu(is) + if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 450.0 } else { 0.0 };
     accepted(&as_ct(image(bright, 18.0)), true, "as --image-type says");
     // A clipped CT counts as a CT; otherwise everything would be body.
@@ -355,14 +355,14 @@ fn a_volume_whose_affine_has_other_signs_is_told_so() {
     assert!(hint.contains("With x and y of its affine negated it would hold 100 %"), "{hint}");
     let far = DAffine3::from_translation(DVec3::splat(5000.0)) * grid.lps_from_voxel;
     assert_eq!(turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: far }, &|_| true, 80.0), "");
-    // An inverted mask: its box is right, its voxels are not.
+    // An inverted mask covers the right box, but not the labelled voxels.
     let inverted = |i: usize| labels[i] == 0;
     assert_eq!(turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: turned }, &inverted, 80.0), "");
 }
 
 #[test]
 fn an_image_of_another_grid_is_judged_alike() {
-    // Half as many voxels along x, and a smaller field.
+    // This image has half as many voxels along x, and a smaller field.
     let whole = grid();
     let affine = whole.lps_from_voxel
         * DAffine3::from_scale_rotation_translation(
@@ -379,7 +379,7 @@ fn an_image_of_another_grid_is_judged_alike() {
     let coarse = Image { size, lps_from_voxel: affine, values: (0..small.len()).map(value).collect(), ..ct() };
     let checked = check(&coarse).unwrap();
     assert!(checked.is_ct, "{:?}", checked.remarks);
-    // Beyond the field is air.
+    // Outside the image's field is air.
     assert_eq!(checked.values[0], OUTSIDE);
 }
 

@@ -26,7 +26,7 @@ pub enum MaskFolderError {
         /// Way out, with a semicolon before it, or empty.
         remedy: String,
     },
-    /// Files whose names are no organ's.
+    /// Files whose names are not those of organs.
     #[error(
         "{path}: {names}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
          --leave-out-unknown; a file of several organs is given alone"
@@ -34,7 +34,7 @@ pub enum MaskFolderError {
     Unknown {
         /// Folder.
         path: PathBuf,
-        /// Names with the nearest known ones.
+        /// Descriptions of the files' names, with the nearest known ones.
         names: String,
     },
     /// Two files of one organ.
@@ -48,9 +48,9 @@ pub enum MaskFolderError {
         first: String,
         /// Second file.
         second: String,
-        /// Name of the second file without its suffix.
+        /// Name of the second file without its suffixes.
         stem: String,
-        /// Class of both.
+        /// Class that both names stand for.
         organ: String,
     },
     /// A file that can't be read as a label map.
@@ -66,7 +66,7 @@ pub enum MaskFolderError {
         /// The first labels.
         values: String,
     },
-    /// A file on another grid.
+    /// A file on another grid than the first one.
     #[error(
         "{path} has {found}, and {first} has {expected}: the masks of a folder share one grid; resample that file to the others, or \
          move it away"
@@ -74,11 +74,11 @@ pub enum MaskFolderError {
     OtherGrid {
         /// File.
         path: PathBuf,
-        /// Its grid.
+        /// Description of the file's grid.
         found: String,
         /// File that was read first.
         first: PathBuf,
-        /// The grid of that file.
+        /// Description of the first file's grid.
         expected: String,
     },
     /// No mask of a body.
@@ -86,7 +86,7 @@ pub enum MaskFolderError {
     NoBody {
         /// Folder.
         path: PathBuf,
-        /// Names of its masks.
+        /// Names of the masks in the folder.
         found: String,
     },
     /// Masks without a voxel.
@@ -107,7 +107,7 @@ pub enum MaskFolderError {
     },
 }
 
-/// Subject and verb of a sentence on all masks of a folder.
+/// Subject and verb of a sentence about all masks of a folder.
 fn all_masks(files: usize) -> String {
     if files == 1 { "its one mask is".to_owned() } else { format!("all {files} masks are") }
 }

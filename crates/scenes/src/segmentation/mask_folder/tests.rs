@@ -4,7 +4,7 @@ use super::*;
 
 const SIZE: [usize; 3] = [6, 5, 4];
 
-/// A NRRD file of bytes, LPS, with voxels of 2 mm from `origin` on.
+/// A NRRD file of bytes in LPS, with voxels of 2 mm that begin at `origin`.
 fn mask(size: [usize; 3], origin: f64, value_at: impl Fn(usize) -> u8) -> Vec<u8> {
     let [x, y, z] = size;
     let header = format!(
@@ -16,7 +16,7 @@ fn mask(size: [usize; 3], origin: f64, value_at: impl Fn(usize) -> u8) -> Vec<u8
     [header.into_bytes(), voxels].concat()
 }
 
-/// A mask of voxels from `low` to below `high`.
+/// A mask of the voxels with indices from `low` to below `high`.
 fn between(low: usize, high: usize) -> Vec<u8> {
     mask(SIZE, 0.0, |i| u8::from((low..high).contains(&i)))
 }
@@ -113,7 +113,7 @@ fn masks_that_do_not_fit_are_refused_by_name() {
         let error = refusal(&[liver(), file]);
         words.iter().for_each(|word| assert!(error.contains(word), "{word}: {error}"));
     }
-    // The same grid, rounded to 32 bits.
+    // The same grid, apart from rounding to 32 bits.
     assert!(read(&[liver(), ("spleen.nrrd", mask(SIZE, 1e-4, |_| 1))]).is_ok());
     assert!(refusal(&[("liver.nrrd", between(0, 0))]).contains("its one mask is empty"));
     let empty = refusal(&[("liver.nrrd", between(0, 0)), ("spleen.nrrd", between(0, 0))]);

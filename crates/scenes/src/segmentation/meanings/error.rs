@@ -2,30 +2,30 @@
 
 use std::path::PathBuf;
 
-/// Meshes without a clear meaning.
+/// Errors about meshes without a clear meaning.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeaningError {
     /// A mesh that is named without a meaning.
     #[error("`{word}` names a mesh without its meaning: write FILE#NAME=MEANING, as in {word}=liver")]
     NoMeaning {
-        /// Argument.
+        /// Argument, as given.
         word: String,
     },
     /// An assignment without a name or a meaning.
     #[error("`{word}` must be FILE, FILE=MEANING or FILE#NAME=MEANING")]
     Empty {
-        /// Argument.
+        /// Argument, as given.
         word: String,
     },
-    /// Neither an organ nor a tissue.
+    /// A meaning that is neither an organ nor a tissue.
     #[error("`{word}`: `{target}` is neither an organ nor a tissue{nearest}")]
     Target {
-        /// Argument.
+        /// Argument, as given.
         word: String,
         /// Meaning.
         target: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
     },
     /// A name that no mesh has.
@@ -35,30 +35,30 @@ pub enum MeaningError {
         file: PathBuf,
         /// Name asked for.
         name: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
-        /// Names of its meshes and parts.
+        /// Names of the file's meshes and parts.
         known: String,
     },
-    /// A name that several parts have.
+    /// A name that several parts of a file have.
     #[error("`{name}` of {file} is a part of several meshes: write {candidates}")]
     Ambiguous {
         /// File.
         file: PathBuf,
         /// Name asked for.
         name: String,
-        /// Names that are not ambiguous.
+        /// Unambiguous names, `MESH/PART`.
         candidates: String,
     },
-    /// Two meanings of one mesh.
+    /// A mesh with two meanings.
     #[error("{file} gets two meanings for `{name}`: give one")]
     Twice {
         /// File.
         file: PathBuf,
-        /// Mesh, or the file's name.
+        /// Name of the mesh, or of the file.
         name: String,
     },
-    /// One meaning for a file of several meshes.
+    /// One meaning, for a file of several meshes.
     #[error(
         "{file} holds {count} meshes ({known}), and {meaning} is given for the file: give each its own as in \
          {file}#{first}={meaning}, or {file}#*={meaning} if all are {meaning}"
@@ -68,7 +68,7 @@ pub enum MeaningError {
         file: PathBuf,
         /// Number of meshes and parts.
         count: usize,
-        /// Their names.
+        /// Names of the meshes and parts.
         known: String,
         /// First name.
         first: String,
@@ -82,7 +82,7 @@ pub enum MeaningError {
         file: PathBuf,
         /// Name of the mesh.
         name: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
     },
     /// A file of several meshes, some of which are no known organs.
@@ -95,11 +95,11 @@ pub enum MeaningError {
         file: PathBuf,
         /// Names of the meshes.
         names: String,
-        /// Verb for one or several names.
+        /// Verb that fits one name or several names.
         verb: &'static str,
         /// First name.
         first: String,
-        /// Suggestion, or empty.
+        /// Suggestion, as text to append, or empty.
         nearest: String,
     },
 }

@@ -17,7 +17,7 @@ use insonify_core::suggest::did_you_mean;
 use super::classes::{Class, ClassError, ClassTable};
 use super::mesh_files::{MeshPart, NamedMesh};
 
-/// Most names listed in a message.
+/// Most names in a message.
 const LISTED_MAX: usize = 6;
 
 /// Name that stands for all meshes of a file.
@@ -28,13 +28,13 @@ const ALL: &str = "*";
 pub struct Assignment {
     /// File.
     pub file: PathBuf,
-    /// Name of a mesh or part; `*` for all meshes without another meaning. None for a file with one mesh.
+    /// Name of a mesh or part; `*` for all meshes without another meaning. `None` for the file as a whole.
     pub mesh: Option<String>,
     /// Organ, tissue or `ignore`.
     pub meaning: Option<String>,
 }
 
-/// A mesh, and its class.
+/// A mesh with its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Meant {
     /// Class.
@@ -44,7 +44,7 @@ pub struct Meant {
 }
 
 impl Assignment {
-    /// Reads an argument. Names of files may contain `=` and `#`: `is_file` tells whether a path is a file.
+    /// Reads an argument. As file names may contain `=` and `#`, `is_file` tells whether a path is a file.
     ///
     /// # Errors
     /// A mesh without a meaning; an empty name or meaning.
@@ -74,7 +74,7 @@ impl Assignment {
         Ok(Self { file: file.into(), mesh, meaning: Some(meaning) })
     }
 
-    /// Text of the argument, for messages.
+    /// Text of the argument as given, for messages.
     fn word(&self) -> String {
         let mesh = self.mesh.as_ref().map(|mesh| format!("#{mesh}")).unwrap_or_default();
         let meaning = self.meaning.as_ref().map(|meaning| format!("={meaning}")).unwrap_or_default();
@@ -82,7 +82,7 @@ impl Assignment {
     }
 }
 
-/// Classes of the meshes of `file` by the assignments to it, else by their own names.
+/// The meshes of `file` with their classes. A class follows from an assignment, else from the mesh's own name.
 ///
 /// # Errors
 /// A name that the file lacks, two meanings of one mesh, one meaning for several meshes, or a mesh without a meaning.
@@ -112,23 +112,23 @@ pub fn meanings(
     Ok(meant)
 }
 
-/// State while the meanings of a file's meshes are found.
+/// State of [`meanings`] for one file.
 struct Meanings<'a> {
     table: &'a ClassTable,
     file: &'a Path,
-    /// Whether the file has several meshes, or one mesh with parts that are told apart.
+    /// Whether the file has several meshes, or one mesh whose parts get meanings of their own.
     is_several: bool,
     /// Names of the meshes.
     names: Vec<String>,
-    /// Assignments: to a whole mesh by its index alone, to a part by the indices of mesh and part.
+    /// Assignments by mesh and part: the part's index is `None` for a whole mesh.
     of_target: BTreeMap<(usize, Option<usize>), &'a Assignment>,
-    /// Meaning of the file.
+    /// Assignment to the file as a whole.
     of_file: Option<&'a Assignment>,
-    /// Meaning of all meshes without another one.
+    /// Assignment to all meshes without another one (`*`).
     of_rest: Option<&'a Assignment>,
-    /// Names of parts, each with the number of parts that have it.
+    /// Number of parts with each name.
     parts_called: BTreeMap<String, usize>,
-    /// Meshes and parts without a meaning: the name for messages, and the name in the file.
+    /// Meshes and parts without a meaning: name for messages, and name in the file.
     unknown: Vec<(String, String)>,
 }
 
@@ -159,7 +159,7 @@ impl<'a> Meanings<'a> {
             Some(ALL) => self.of_rest.replace(assignment),
             Some(name) => {
                 let (index, part) = self.target(name, meshes)?;
-                // An assignment to the whole mesh, and another to one of its parts.
+                // A mesh can't have a meaning if one of its parts has one, and vice versa.
                 let other = |(i, p): &(usize, Option<usize>)| *i == index && p.is_some() != part.is_some();
                 if self.of_target.keys().any(other) {
                     return Err(twice(name.to_owned()));
@@ -175,7 +175,7 @@ impl<'a> Meanings<'a> {
         }
     }
 
-    /// Index of the mesh called `name`, or indices of the mesh and the part of that name.
+    /// Index of the mesh called `name`; or index of a mesh, and that of its part called `name`.
     fn target(&self, name: &str, meshes: &[NamedMesh]) -> Result<(usize, Option<usize>), MeaningError> {
         if let Some(index) = meshes.iter().position(|mesh| mesh.name == name) {
             return Ok((index, None));
@@ -208,7 +208,7 @@ impl<'a> Meanings<'a> {
         }
     }
 
-    /// Adds a mesh, or its parts, with its class.
+    /// Adds a mesh, or else its parts, to `meant` with their classes.
     fn add(&mut self, index: usize, mesh: NamedMesh, meant: &mut Vec<Meant>) -> Result<(), MeaningError> {
         if let Some(assignment) = self.of_target.get(&(index, None)) {
             let class = self.class(assignment, &mesh.name, true)?;
@@ -219,7 +219,7 @@ impl<'a> Meanings<'a> {
         let own = self.table.named(&mesh.name);
         let mut organs = self.organs_of_parts(&mesh);
         let is_apart = mesh.parts.len() > 1 && !mesh.is_one_surface();
-        // If parts lie apart, the name of one organ doesn't decide on the others.
+        // If parts lie apart, a mesh name that is an organ's doesn't decide on parts that name other organs.
         if is_apart
             && let Some(own) = own
             && !organs.is_empty()
@@ -242,7 +242,7 @@ impl<'a> Meanings<'a> {
             (Some(assignment), ..) => self.class(assignment, &mesh.name, false)?,
             (None, _, [_, _, ..]) => return self.add_parts(index, mesh, meant),
             (None, Some(class), _) => class.clone(),
-            // The one known part gives its meaning to a connected surface.
+            // In a connected surface, the only part that names an organ gives the mesh its meaning.
             (None, None, [class]) if !is_apart => (*class).clone(),
             (None, None, _) if is_apart => return self.add_parts(index, mesh, meant),
             (None, None, _) => {
@@ -254,7 +254,7 @@ impl<'a> Meanings<'a> {
         Ok(())
     }
 
-    /// Adds the parts of a mesh as meshes.
+    /// Adds the parts of a mesh to `meant`, as meshes of their own.
     fn add_parts(&mut self, index: usize, mesh: NamedMesh, meant: &mut Vec<Meant>) -> Result<(), MeaningError> {
         self.is_several = true;
         let names: Vec<(String, String)> =
@@ -277,13 +277,13 @@ impl<'a> Meanings<'a> {
         Ok(())
     }
 
-    /// Name of a part: its own name if no other mesh has a part of that name.
+    /// Name of a part for messages: its own name, or `MESH/PART` if that is empty or several parts have it.
     fn name_of_part(&self, mesh: &str, part: &MeshPart) -> String {
         let is_unique = self.parts_called.get(&part.name).is_some_and(|count| *count == 1);
         if part.name.is_empty() || !is_unique { format!("{mesh}/{}", part.name) } else { part.name.clone() }
     }
 
-    /// Different organs that the parts of a mesh name.
+    /// Organs that the parts of a mesh name, each once.
     fn organs_of_parts(&self, mesh: &NamedMesh) -> Vec<&'a Class> {
         let mut organs: Vec<&Class> = Vec::new();
         for class in mesh.parts.iter().filter_map(|part| self.table.named(&part.name)) {
@@ -294,7 +294,7 @@ impl<'a> Meanings<'a> {
         organs
     }
 
-    /// Error about a meaning of the whole file.
+    /// Error about one meaning for a file of several meshes or parts.
     fn several(&self, assignment: &Assignment, mesh: &NamedMesh) -> MeaningError {
         let names = match &self.names[..] {
             [_] => mesh.parts.iter().map(|part| self.name_of_part(&mesh.name, part)).collect(),
@@ -306,15 +306,15 @@ impl<'a> Meanings<'a> {
         MeaningError::Several { file: self.file.to_owned(), count, known: listed(&names), first, meaning }
     }
 
-    /// Class that an assignment gives to the mesh `name`. Its name is the organ if the assignment is for this mesh
-    /// alone, else the mesh's own, so that several meshes of one meaning keep different names.
+    /// Class that an assignment gives to the mesh `name`. The class is named after the organ if the assignment is for
+    /// this mesh alone. Otherwise it has the mesh's name, so that several meshes of one meaning keep different names.
     fn class(&self, assignment: &Assignment, name: &str, is_alone: bool) -> Result<Class, MeaningError> {
         let meaning = assignment.meaning.as_deref().unwrap_or_default();
         if let Some(class) = self.table.named(meaning) {
             let name = if is_alone { class.name.clone() } else { name.to_owned() };
             return Ok(Class { name, ..class.clone() });
         }
-        // The rules of the table for tissues and `ignore` apply, under a name that it accepts.
+        // The meaning is a tissue or `ignore`: it is added to the table as a mapping and looked up again.
         let mut table = self.table.clone();
         let added = table.add(&format!("{ADDED}={meaning}"));
         let nearest = match added {
@@ -328,17 +328,17 @@ impl<'a> Meanings<'a> {
         Err(MeaningError::Target { word: assignment.word(), target: meaning.to_owned(), nearest })
     }
 
-    /// Suggestion of organs for a name, ready to append.
+    /// Suggestion of organs with names like this one, as text to append, or empty.
     fn near(&self, name: &str) -> String {
         let near = self.table.nearest(name);
         if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(", ")) }
     }
 }
 
-/// Name under which a meaning is looked up.
+/// Name under which a meaning is added to the table.
 const ADDED: &str = "mesh";
 
-/// The first names, and the number of the others.
+/// The first names, and the number of the remaining ones.
 fn listed(names: &[String]) -> String {
     let shown = names.iter().take(LISTED_MAX).cloned().collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(LISTED_MAX) {

@@ -26,7 +26,7 @@ fn assignments(words: &[&str]) -> Vec<Assignment> {
     words.iter().map(|word| Assignment::parse(word, |path| path == Path::new("a.obj")).unwrap()).collect()
 }
 
-/// Name of each mesh and its class, or the error.
+/// Names of the meshes and of their classes, or the error.
 fn meant(meshes: &[NamedMesh], words: &[&str]) -> Result<Vec<(String, String)>, String> {
     let table = ClassTable::builtin("total-v2").unwrap();
     let found = meanings(&table, Path::new("a.obj"), meshes.to_vec(), &assignments(words));
@@ -92,7 +92,7 @@ fn a_file_of_several_meshes_needs_a_meaning_for_each() {
         &["a.obj#grp0=livr", "a.obj#*=liver"],
         &["a.obj#grp0=livr", "neither an organ nor a tissue", "liver"],
     );
-    // All others; a tissue keeps the meshes' names, and so does one organ for all.
+    // `*` stands for all other meshes. If all have one tissue or one organ, they keep their own names.
     is_meant(&meshes, &["a.obj#*=bone_adult"], &[("grp0", "grp0"), ("grp1", "grp1")]);
     is_meant(&meshes, &["a.obj#*=liver", "a.obj#grp1=spleen"], &[("grp0", "grp0"), ("grp1", "spleen")]);
     let table = ClassTable::builtin("total-v2").unwrap();
@@ -126,11 +126,11 @@ fn unknown_materials_divide_only_what_is_apart() {
     is_refused(&apart, &["a.obj"], &["`mtl0`, `mtl1` are no known organs", "a.obj#mtl0="]);
     is_meant(&apart, &["a.obj#*=liver"], &[("thing", "thing")]);
     is_meant(&apart, &["a.obj#mtl0=liver", "a.obj#*=spleen"], &[("mtl0", "liver"), ("mtl1", "mtl1")]);
-    // An object with an organ's name is that organ, whatever the names of its colours.
+    // An object with an organ's name is that organ, whatever its materials are called.
     let bladder = [mesh("urinary_bladder", &["wall", "lumen"], false)];
     is_meant(&bladder, &["a.obj"], &[("urinary_bladder", "urinary_bladder")]);
     is_meant(&bladder, &["a.obj=spleen"], &[("urinary_bladder", "spleen")]);
-    // Except if a part that lies apart from the others is another organ.
+    // The exception is a part that lies apart from the others and is another organ.
     let two = |touching| [mesh("liver", &["mat0", "gallbladder"], touching)];
     is_refused(&two(false), &["a.obj"], &["`mat0` is no known organ", "a.obj#mat0="]);
     is_refused(&two(false), &["a.obj=liver"], &["2 meshes (`mat0`, `gallbladder`)", "a.obj#mat0=liver"]);

@@ -1,11 +1,11 @@
-//! Polygons and strips of VTK files.
+//! Cells of VTK files: polygons and triangle strips.
 
 use glam::DVec3;
 
 use super::draft::Draft;
 use super::scanner::index;
 
-/// Kind of a list of cells.
+/// Kind of the cells in a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cells {
     Polygons,
@@ -24,7 +24,8 @@ impl Cells {
         Ok(())
     }
 
-    /// Adds `cells` cells. In `values`, each cell is its number of corners, followed by their indices.
+    /// Adds cells to `draft`. In `values`, each cell is its number of corners, followed by their vertex indices.
+    /// `cells` is the number of cells that must be there.
     pub(super) fn add_counted(
         self,
         cells: usize,
@@ -44,8 +45,8 @@ impl Cells {
         if added == cells { Ok(()) } else { Err(format!("the list has {added} cells, and {cells} are promised")) }
     }
 
-    /// Adds cells from the list `corners` of all corner indices. `ends` gives the end of each cell in that list; the
-    /// last cell ends with the list.
+    /// Adds cells to `draft`. `corners` are the vertex indices of all cells, one cell after the other. `ends` holds,
+    /// for each cell, the index in `corners` at which it ends; the last cell ends with the list.
     pub(super) fn add_by_ends(
         self,
         ends: &[f64],

@@ -7,7 +7,7 @@ use insonify_core::names::printable;
 
 use super::{MeshPart, NamedMesh};
 
-/// Triangles of one mesh of a file, or of a part of a mesh. They may share vertices with other drafts.
+/// Draft of a mesh: triangles of one mesh of a file, or of a part of a mesh. Drafts may share vertices.
 #[derive(Debug, Default)]
 pub(super) struct Draft {
     pub(super) name: Option<String>,
@@ -25,12 +25,12 @@ impl Draft {
         Self { name: (!name.is_empty()).then_some(name), ..Self::default() }
     }
 
-    /// This draft with other triangles.
+    /// The draft with `triangles` instead of its own.
     pub(super) fn with(self, triangles: Vec<[u32; 3]>) -> Self {
         Self { triangles, ..self }
     }
 
-    /// Adds a polygon, divided into triangles. Fewer than three corners add nothing.
+    /// Adds a polygon, divided into triangles. A polygon of fewer than three corners adds nothing.
     pub(super) fn polygon(&mut self, corners: &[u32], vertices: &[DVec3]) {
         match *corners {
             [a, b, c] => self.triangles.push([a, b, c]),
@@ -43,7 +43,7 @@ impl Draft {
         }
     }
 
-    /// Adds a strip: each vertex makes a triangle with the two before.
+    /// Adds a triangle strip: each vertex makes a triangle with the two vertices before it.
     pub(super) fn strip(&mut self, corners: &[u32]) {
         let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
         self.triangles.extend(corners.windows(3).enumerate().map(turned));
@@ -66,12 +66,12 @@ pub(super) fn by_mesh(drafts: Vec<Draft>) -> Vec<Vec<Draft>> {
     meshes
 }
 
-/// Converter of drafts to meshes, over the vertices of a file.
+/// Converter of drafts to meshes; the drafts share the vertices of a file.
 pub(super) struct Finisher<'v> {
     vertices: &'v [DVec3],
-    /// Number of the mesh that last used each vertex, and the vertex's index there.
+    /// For each vertex of the file: number of the mesh that last used it, and its index in that mesh.
     known: Vec<[u32; 2]>,
-    /// Number of the current mesh, from 1.
+    /// Number of the current mesh, counted from 1; 0 before the first mesh.
     mesh: u32,
 }
 
@@ -80,8 +80,8 @@ impl<'v> Finisher<'v> {
         Self { vertices, known: vec![[0; 2]; vertices.len()], mesh: 0 }
     }
 
-    /// Mesh with these drafts as its parts. It has vertices of its own, each position once. Its name is `otherwise` if
-    /// no draft has a name.
+    /// Mesh with these drafts as its parts. It has vertices of its own; equal positions become one vertex. If no draft
+    /// has a name, the mesh is called `otherwise`.
     pub(super) fn finish(&mut self, mut drafts: Vec<Draft>, otherwise: &str) -> NamedMesh {
         self.mesh += 1;
         let (mut index_at, mut own) = (HashMap::new(), Vec::new());
@@ -129,7 +129,7 @@ impl<'v> Finisher<'v> {
 /// Most corners of a polygon that is divided by cutting ears; larger ones are divided as a fan.
 const EARS_MAX: usize = 256;
 
-/// Triangles of a flat polygon, by ear clipping (Meisters, Am Math Mon 82:648, 1975).
+/// Triangles of a flat polygon, as indices of its points, by ear clipping (Meisters, Am Math Mon 82:648, 1975).
 fn divided(points: &[DVec3]) -> Vec<[usize; 3]> {
     if points.len() > EARS_MAX {
         return (2..points.len()).map(|i| [0, i - 1, i]).collect();

@@ -45,7 +45,7 @@ pub enum MeshFileError {
         /// File.
         path: PathBuf,
     },
-    /// A damaged file, or a file of an unknown variant.
+    /// A damaged file, or an unknown variant of the format.
     #[error("{path}, {at}: {reason}")]
     Format {
         /// File.
@@ -58,7 +58,7 @@ pub enum MeshFileError {
     /// No triangle in the whole file.
     #[error("{path} has no triangles{found}: export the surface as a mesh with faces")]
     NoTriangles {
-        /// File.
+        /// Other content of the file, as text to append, or empty.
         path: PathBuf,
         /// Other content that was found, as text to append, or empty.
         found: String,

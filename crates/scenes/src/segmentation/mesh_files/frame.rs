@@ -36,12 +36,12 @@ impl Unit {
 /// Axes of a file. All are right-handed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshAxes {
-    /// x to the patient's left, y posterior, z cranial: DICOM, ITK, Slicer's files; also figures in Blender, which
+    /// x to the patient's left, y posterior, z cranial: DICOM, ITK, files of 3D Slicer; also figures in Blender, which
     /// face −y.
     Lps,
-    /// x to the patient's right, y anterior, z cranial: NIfTI, Slicer's scene.
+    /// x to the patient's right, y anterior, z cranial: NIfTI, the scene of 3D Slicer.
     Ras,
-    /// x to the patient's left, y cranial, z anterior: glTF, and figures in other programs with y up.
+    /// x to the patient's left, y cranial, z anterior: glTF, and figures in programs whose y axis points up.
     YUp,
 }
 

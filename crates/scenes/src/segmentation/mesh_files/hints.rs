@@ -9,21 +9,21 @@ pub struct FileHints {
     pub axes: Option<MeshAxes>,
     /// Unit, if the file names it.
     pub unit: Option<Unit>,
-    /// Text in the file that states them.
+    /// Text of the file that states the axes or the unit.
     pub said: Option<String>,
-    /// Clause on statements about axes that contradict each other or are not understood.
+    /// Clause for a message if the file's statements about the axes contradict each other or are not understood.
     pub unclear_axes: Option<String>,
-    /// Clause on statements about the unit that contradict each other or are not understood.
+    /// Clause for a message if the file's statements about the unit contradict each other or are not understood.
     pub unclear_unit: Option<String>,
-    /// Whether axes and unit are only the default of the format. Not every program keeps to it; sizes and positions of
-    /// organs count more.
+    /// Whether axes and unit are only the default of the file's format. Not every program keeps to the default, so
+    /// sizes and positions of organs count more.
     pub of_format: bool,
 }
 
 /// Words that introduce a unit.
 const UNIT_KEYS: [&str; 4] = ["file units", "units", "unit", "length unit"];
 
-/// Subject of a statement.
+/// What a file states: a value, or text that is not understood.
 enum Stated<T> {
     Known(T),
     /// Text that is not understood.
@@ -31,7 +31,7 @@ enum Stated<T> {
 }
 
 impl FileHints {
-    /// Reads axes and unit from a comment, a header or a field.
+    /// Takes statements on axes and unit from the text of a comment, a header or a field.
     pub(super) fn take(&mut self, text: &str) {
         let said = text.trim_matches(|c: char| c == '#' || c.is_whitespace() || c == '\0');
         let (axes, unit) = (axes_of(text), unit_of(text));
@@ -75,7 +75,7 @@ fn axes_of(text: &str) -> Option<Stated<MeshAxes>> {
     match letters.as_str() {
         "LPS" => Some(Stated::Known(MeshAxes::Lps)),
         "RAS" => Some(Stated::Known(MeshAxes::Ras)),
-        // Another orientation, written as in NRRD: one letter of each pair.
+        // Another orientation, written as in NRRD: one letter of each of three pairs.
         _ => {
             let pairs =
                 ["LR", "PA", "SI"].iter().all(|pair| letters.chars().filter(|c| pair.contains(*c)).count() == 1);
@@ -94,7 +94,7 @@ fn unit_of(text: &str) -> Option<Stated<Unit>> {
     }
     let word = after.split(|c: char| !c.is_alphabetic()).find(|word| !word.is_empty())?;
     match word {
-        // Ordinary words of sentences: `the unit in ...`.
+        // Short units that are also ordinary words count only after `:` or `=`.
         "in" | "m" | "ft" if !is_stated => None,
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(Stated::Known(Unit::Mm)),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(Stated::Known(Unit::Cm)),

@@ -1,8 +1,8 @@
 //! Mesh files of other programs: STL, OBJ, PLY, VTK polydata (`.vtk`, `.vtp`) and glTF.
 //!
-//! [`read_meshes`] reads triangles in the file's own unit and axes. [`placing`] determines unit and axes from the
-//! file's statements, or else from the names, sizes and positions of organs. The format is recognised by content, not
-//! by name.
+//! [`read_meshes`] reads triangles in the file's own unit and axes. [`placing`] then determines both from the file's
+//! statements, or else from the names, sizes and positions of organs. The format is recognised by content, not by the
+//! file's name.
 
 mod cells;
 mod draft;
@@ -42,11 +42,11 @@ use insonify_core::files::{self, FileError, FileKind};
 pub struct NamedMesh {
     /// Name of the object, group or solid, else the file's name without its extension; unique in the file.
     pub name: String,
-    /// Vertices in the file's unit and axes, each position once.
+    /// Vertices in the file's unit and axes; no two have the same position.
     pub vertices: Vec<DVec3>,
     /// Vertex indices, each below `vertices.len()`.
     pub triangles: Vec<[u32; 3]>,
-    /// Parts that the file distinguishes: groups of an object, or materials. Together they have all triangles. Empty
+    /// Parts that the file distinguishes: groups of an object, or materials. Together they contain all triangles. Empty
     /// for a mesh without parts.
     pub parts: Vec<MeshPart>,
 }
@@ -76,7 +76,7 @@ impl NamedMesh {
         groups.numbered().into_iter().all(|number| number == 0)
     }
 
-    /// Its parts as meshes with their own vertices, named by `name`; the mesh itself if it has no parts.
+    /// The parts as meshes with their own vertices; `name` gives the name of each. Without parts, the mesh itself.
     #[must_use]
     pub fn split(self, name: impl Fn(&MeshPart) -> String) -> Vec<Self> {
         if self.parts.is_empty() {
@@ -100,12 +100,12 @@ pub struct MeshFile {
     pub hints: FileHints,
 }
 
-/// Content of a file as its format's reader finds it.
+/// Content of a file, as the reader of its format finds it.
 #[derive(Debug, Default)]
 struct Parsed {
     vertices: Vec<DVec3>,
     drafts: Vec<Draft>,
-    /// Number of points and lines, which are ignored.
+    /// Number of points and lines in the file, which are ignored.
     others: usize,
     hints: FileHints,
 }
@@ -132,8 +132,8 @@ pub fn read_meshes(path: &Path) -> Result<MeshFile, MeshFileError> {
     decode(&bytes, path)
 }
 
-/// Meshes in `bytes`, the content of a file of any format except glTF. `path` provides the extension, and the name for
-/// errors.
+/// Meshes in `bytes`, the content of a file of any format except glTF. `path` gives the file's extension, and its name
+/// in errors.
 ///
 /// # Errors
 /// Bytes that are not a mesh file, are damaged, or have no triangles.
@@ -149,10 +149,10 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
     finish(path, parse(bytes).map_err(fault)?)
 }
 
-/// Reader of a format.
+/// Reader of a format, for the bytes of a file.
 type Parse = fn(&[u8]) -> Result<Parsed, Fault>;
 
-/// Reader for the format of the content, else for the extension.
+/// Reader for the format that the content shows, else for that of the extension; `None` for unknown files.
 fn format(bytes: &[u8], extension: &str) -> Option<Parse> {
     let start = bytes[..bytes.len().min(4096)].trim_ascii_start();
     if start.starts_with(b"ply\n") || start.starts_with(b"ply\r") {
@@ -219,7 +219,7 @@ fn finish(path: &Path, parsed: Parsed) -> Result<MeshFile, MeshFileError> {
     Ok(MeshFile { meshes, hints })
 }
 
-/// Appends numbers to names that occur more than once.
+/// Appends a number to each name that an earlier mesh has already.
 fn make_unique(meshes: &mut [NamedMesh]) {
     let mut taken: HashSet<String> = HashSet::new();
     let mut next: HashMap<String, usize> = HashMap::new();

@@ -9,7 +9,8 @@ use super::draft::Draft;
 use super::error::Fault;
 use super::scanner::{finite, lines, not_a, text};
 
-/// Statements without polygons, which are ignored: normals, texture, materials, display, parameters of curves.
+/// OBJ statements that are ignored, as they define no polygon: normals, texture, materials, display, parameters of
+/// curves.
 const SKIPPED: [&str; 34] = [
     "vt",
     "vn",
@@ -76,13 +77,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     Ok(reader.finish())
 }
 
-/// Whether a line is a comment or holds a name to its end.
+/// Whether a line is a comment, or a statement whose name extends to the end of the line.
 fn is_text(line: &[u8]) -> bool {
     let word = line.split(u8::is_ascii_whitespace).next().unwrap_or_default();
     word.starts_with(b"#") || matches!(word, b"o" | b"g" | b"usemtl" | b"mtllib" | b"usemap" | b"maplib")
 }
 
-/// Object, group and material of a face. Objects are numbered, since two may share a name.
+/// Object, group and material of a face. `object` is the object's number, since two may share a name.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 struct Key {
     object: usize,
@@ -93,10 +94,10 @@ struct Key {
 #[derive(Default)]
 struct Reader {
     parsed: Parsed,
-    /// Faces by key, in the order of their first face.
+    /// Faces of each key, in the order of the keys' first faces.
     faces: Vec<(Key, Draft)>,
     index_of: HashMap<Key, usize>,
-    /// Names of objects; the first entry stands for faces before any object.
+    /// Names of the objects. Object n, counted from 1, is entry n − 1; 0 stands for faces before any object.
     objects: Vec<String>,
     now: Key,
     /// Index in `faces` of the current key.
@@ -176,7 +177,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Vertex of a corner such as `7`, `7/1/3` or `-1//2`. Negative numbers count back from the last vertex so far.
+    /// Vertex index of a corner such as `7`, `7/1/3` or `-1//2`. Negative numbers count back from the last vertex read.
     fn corner(&self, word: &[u8]) -> Result<u32, String> {
         let count = self.parsed.vertices.len();
         let first = word.split(|b| *b == b'/').next().unwrap_or_default();
@@ -192,7 +193,7 @@ impl Reader {
             .ok_or_else(|| format!("`{}` names no vertex: there are {count} so far, counted from 1", text(word)))
     }
 
-    /// Drafts of the meshes: faces of one object, else of one group, with their parts.
+    /// Turns the faces into drafts. Faces of one object, or else of one group, become the parts of one mesh.
     fn finish(self) -> Parsed {
         let Self { mut parsed, faces, objects, .. } = self;
         let same = joined_objects(&objects, &faces);
@@ -200,7 +201,7 @@ impl Reader {
         for (key, _) in &faces {
             groups_of.entry(same[key.object]).or_default().insert(&key.group);
         }
-        // An object whose faces have several groups gets these as its parts.
+        // The groups of an object become its parts if its faces have several.
         let by_group: HashSet<usize> =
             groups_of.into_iter().filter(|(_, groups)| groups.len() > 1).map(|(object, _)| object).collect();
         let mut wholes: HashMap<(usize, String), usize> = HashMap::new();
@@ -225,8 +226,8 @@ impl Reader {
     }
 }
 
-/// For each object, the number of the object that it continues, or its own number. Objects of one name that share a
-/// vertex are one object.
+/// For each object's number, the number of the earlier object that it continues, or its own. Objects of one name that
+/// share a vertex are one object.
 fn joined_objects(objects: &[String], faces: &[(Key, Draft)]) -> Vec<usize> {
     let mut same: Vec<usize> = (0..=objects.len()).collect();
     let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
@@ -253,7 +254,7 @@ fn joined_objects(objects: &[String], faces: &[(Key, Draft)]) -> Vec<usize> {
     same
 }
 
-/// A name; empty for the placeholders that programs write.
+/// `name`, or an empty text if it is a placeholder that programs write.
 fn without_placeholder(name: String) -> String {
     let is_placeholder =
         ["default", "off", "(null)", "none", "null"].iter().any(|word| name.eq_ignore_ascii_case(word));

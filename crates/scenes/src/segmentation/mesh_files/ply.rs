@@ -9,21 +9,22 @@ use super::draft::Draft;
 use super::error::Fault;
 use super::scanner::{Scanner, finite, index, not_a_number, text};
 
-/// An element of the header.
+/// An element type of the header, such as `vertex`.
 struct Element {
     name: String,
     count: usize,
     properties: Vec<Property>,
 }
 
-/// A property: its name, the type of its length if it is a list, and the type of its values.
+/// A property of an element: its name and the type of its values. For a list, `length` is the type of the list's
+/// length.
 struct Property {
     name: String,
     length: Option<Number>,
     value: Number,
 }
 
-/// Format of the data.
+/// Encoding of the data.
 #[derive(Clone, Copy)]
 enum Data {
     Text,
@@ -53,7 +54,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     Ok(parsed)
 }
 
-/// Refuses data after the last element, except padding: the header announces fewer elements than there are.
+/// Refuses data after the last element, except padding: the file has more elements than the header announces.
 fn check_rest(scanner: &Scanner<'_>, data: Data) -> Result<(), Fault> {
     let rest = scanner.bytes.get(scanner.at..).unwrap_or_default();
     if rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
@@ -129,7 +130,8 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
-/// Reads one element, which is a line in a text file. `take` receives the number of each property and its values.
+/// Reads item `number` of an element type, which is a line in a text file. `take` receives, for each property, its
+/// index and its values.
 fn record(
     scanner: &mut Scanner<'_>,
     data: Data,
@@ -240,7 +242,7 @@ fn faces(
             if !is_list(&element.properties[column]) {
                 return Ok(());
             }
-            // -1 ends a strip.
+            // In a list of strips, -1 ends a strip.
             for part in found.split(|value| is_strip && *value == -1.0) {
                 let wrong =
                     |value: f64| format!("face {face} names vertex {value} of {}, counted from 0", vertices.len());

@@ -1,14 +1,14 @@
-//! Reading of bytes, numbers and words.
+//! Reading bytes, numbers and words of a file.
 
 use super::super::numbers::{Number, Order};
 use super::error::Fault;
 
-/// A position in a file's bytes.
+/// Reading position in the bytes of a file.
 #[derive(Debug, Clone)]
 pub(super) struct Scanner<'b> {
     pub(super) bytes: &'b [u8],
     pub(super) at: usize,
-    /// Byte that ends a line: a carriage return if the first line of the file ends in that alone, else a line feed.
+    /// Last byte of a line end: a carriage return if the file's first line ends in that alone, else a line feed.
     line_end: u8,
 }
 
@@ -17,7 +17,7 @@ impl<'b> Scanner<'b> {
         Self::from(bytes, 0)
     }
 
-    /// A scanner that starts at a byte.
+    /// A scanner that starts at byte `at`.
     pub(super) fn from(bytes: &'b [u8], at: usize) -> Self {
         let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'));
         let is_bare = first.is_some_and(|end| bytes[end] == b'\r' && bytes.get(end + 1) != Some(&b'\n'));
@@ -52,12 +52,12 @@ impl<'b> Scanner<'b> {
         Some(&rest[start..end])
     }
 
-    /// The next word, without taking it.
+    /// The next word; the position stays.
     pub(super) fn peek(&self) -> Option<&'b [u8]> {
         self.clone().word()
     }
 
-    /// The next word as a finite number.
+    /// The next word as a finite number. `what` names it in the error.
     pub(super) fn number(&mut self, what: &str) -> Result<f64, Fault> {
         match self.word() {
             None => Err(self.fault(format!("the file ends where {what} should be: it is truncated"))),
@@ -67,7 +67,7 @@ impl<'b> Scanner<'b> {
         }
     }
 
-    /// The next word as an index or a count.
+    /// The next word as an index or a count. `what` names it in the error.
     pub(super) fn count(&mut self, what: &str) -> Result<usize, Fault> {
         match self.word() {
             None => Err(self.fault(format!("the file ends where {what} should be: it is truncated"))),
@@ -78,7 +78,7 @@ impl<'b> Scanner<'b> {
         }
     }
 
-    /// The next `length` bytes.
+    /// The next `length` bytes. `what` names them in the error.
     pub(super) fn take(&mut self, length: usize, what: &str) -> Result<&'b [u8], Fault> {
         let end = self.at.checked_add(length).filter(|end| *end <= self.bytes.len());
         let Some(end) = end else {
@@ -90,7 +90,7 @@ impl<'b> Scanner<'b> {
         Ok(taken)
     }
 
-    /// The next `count` numbers of one type.
+    /// The next `count` numbers of one type. `what` names them in the error.
     pub(super) fn numbers(
         &mut self,
         count: usize,
@@ -103,7 +103,7 @@ impl<'b> Scanner<'b> {
     }
 }
 
-/// Lines of a text with their numbers, from 1. A line ends in a line feed, a carriage return, or both.
+/// Lines of a text, each with its number from 1. A line ends in a line feed, a carriage return, or both.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let mut rest = Some(bytes);
     let line = move || {
@@ -126,7 +126,7 @@ pub(super) fn not_a_number(word: &[u8]) -> String {
 }
 
 /// Message about a word that should be a finite number. `what` names the expected value, such as `coordinate of a
-/// vertex`. The message mentions a decimal comma.
+/// vertex`. If the word has a decimal comma, the message says so.
 pub(super) fn not_a(what: &str, word: &[u8]) -> String {
     let with_point: Vec<u8> = word.iter().map(|b| if *b == b',' { b'.' } else { *b }).collect();
     let has_comma = word.iter().filter(|b| **b == b',').count() == 1 && !word.ends_with(b",");
@@ -137,17 +137,17 @@ pub(super) fn not_a(what: &str, word: &[u8]) -> String {
     format!("`{}` is not a {what}", text(word))
 }
 
-/// A word as a finite number.
+/// A word as a finite number; `None` if it is none.
 pub(super) fn finite(word: &[u8]) -> Option<f64> {
     str::from_utf8(word).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Text of a word in a message: at most 40 characters.
+/// A word as text for a message: its first 40 characters.
 pub(super) fn text(word: &[u8]) -> String {
     String::from_utf8_lossy(word).chars().take(40).collect()
 }
 
-/// A number as an index below `length`.
+/// A number as an index below `length`; `None` if it is none.
 pub(super) fn index(value: f64, length: usize) -> Option<u32> {
     (value >= 0.0 && value.fract() == 0.0 && value < length as f64 && value < f64::from(u32::MAX))
         .then_some(value as u32)

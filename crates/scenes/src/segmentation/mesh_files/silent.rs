@@ -1,4 +1,4 @@
-//! Tests of files that other programs would silently misread: they are read correctly, or refused with the reason.
+//! Tests of files that other programs silently misread. They are read correctly, or refused with the reason.
 
 use insonify_core::anatomy::Mesh;
 
@@ -23,15 +23,15 @@ fn volume(file: &MeshFile, index: usize) -> f64 {
     Mesh { vertices_mm, triangles: named.triangles.clone() }.signed_volume_mm3()
 }
 
-/// Names of meshes and of their parts.
+/// Names of each mesh and of its parts.
 fn names(file: &MeshFile) -> Vec<(&str, Vec<&str>)> {
     file.meshes.iter().map(|m| (m.name.as_str(), m.parts.iter().map(|part| part.name.as_str()).collect())).collect()
 }
 
-/// Faces of a box in OBJ, as indices of its corners counted from 1.
+/// Faces of a box in OBJ: numbers of its corners, counted from 1.
 const FACES: [[u32; 4]; 6] = [[1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7], [1, 3, 7, 5], [2, 6, 8, 4]];
 
-/// Corners of a box of 80 × 60 × 50 in OBJ, beginning at `x`.
+/// OBJ lines of the corners of a box of 80 × 60 × 50 that begins at `x`.
 fn corners(x: f64) -> String {
     let corner = |n: usize| {
         let [a, b, c] = [n >> 2 & 1, n >> 1 & 1, n & 1].map(|bit| bit as f64);
@@ -132,7 +132,7 @@ fn text_stl_is_whole_or_refused() {
     assert!(is_whole(text.clone()) && is_whole(text.replace('\n', "\r")) && is_whole(text.replace('\n', "\r\n")));
     assert!(is_whole(text.replace("endloop", "end loop").replace("endfacet", "End Facet").to_uppercase()));
     refused("a.stl", text.replace("endsolid liver\n", ""), &["line 1", "no `endsolid`", "truncated"]);
-    // Cut off between two facets, and with another solid after it.
+    // The file is cut off between two facets, alone or with another solid after it.
     let cut = text[..text.rfind("facet normal").unwrap()].to_owned();
     refused("a.stl", &cut, &["line 1", "no `endsolid`"]);
     refused("a.stl", format!("{cut}{}", stl("kidney")), &["a solid begins", "line 1 has no `endsolid`"]);
@@ -146,7 +146,7 @@ fn text_stl_is_whole_or_refused() {
     assert_eq!(names(&both), [("liver", vec![]), ("kidney", vec![])]);
 }
 
-/// A binary STL of the tetrahedron's facets with a header and a count.
+/// A binary STL file with a header, a count, and `facets` facets of the tetrahedron, repeated if necessary.
 fn binary(header: &[u8], count: u32, facets: usize) -> Vec<u8> {
     let mut bytes = header.to_vec();
     bytes.resize(80, b' ');

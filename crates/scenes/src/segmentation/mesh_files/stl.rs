@@ -9,22 +9,22 @@ use super::draft::Draft;
 use super::error::Fault;
 use super::scanner::{Scanner, finite, lines, not_a_number, text};
 
-/// Length of the header with the count of triangles, and of a triangle, bytes.
+/// Bytes of the header with the count of triangles, and bytes of a triangle.
 const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
-/// Whether the file could be STL.
+/// Whether the bytes could be a text STL file.
 pub(super) fn is_text(bytes: &[u8]) -> bool {
     let start = &bytes[..bytes.len().min(2048)];
     let trimmed = start.trim_ascii_start();
     let starts = trimmed.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has = |word: &[u8]| start.windows(word.len()).any(|w| w.eq_ignore_ascii_case(word));
-    // Binary files may begin with `solid`, too.
+    // Binary files may begin with `solid`, too, so further words must follow.
     let has_words = (has(b"facet") && has(b"vertex")) || has(b"endsolid");
     starts && !is_binary(bytes) && (has_words || !start.contains(&0))
 }
 
-/// Whether the length agrees with the count in a binary header.
+/// Whether the bytes are as many as a binary header's count of triangles requires.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
     count(bytes).is_some_and(|count| count > 0 && bytes.len() == HEADER.saturating_add(count.saturating_mul(TRIANGLE)))
 }
@@ -50,7 +50,7 @@ fn parse_binary(bytes: &[u8]) -> Result<Parsed, Fault> {
     let mut draft = Draft::default();
     for triangle in triangles.chunks_exact(TRIANGLE) {
         let first = parsed.vertices.len() as u32;
-        // A normal precedes the corners.
+        // The first 12 bytes of a triangle are its normal.
         for corner in triangle[12..48].chunks_exact(12) {
             let [x, y, z] = [0, 4, 8].map(|at| Number::F32.read(&corner[at..], Order::Little));
             parsed.vertices.push(DVec3::new(x, y, z));
@@ -95,14 +95,14 @@ fn parse_text(bytes: &[u8]) -> Result<Parsed, Fault> {
     Ok(reader.parsed)
 }
 
-/// State between the lines of a text file.
+/// State of the reader between the lines of a text file.
 #[derive(Default)]
 struct TextReader {
     parsed: Parsed,
     draft: Option<Draft>,
-    /// Line of the `solid` statement that has no end yet.
+    /// Line of the open `solid` statement, which has no end yet.
     solid: Option<usize>,
-    /// Line of the `facet` statement that has no end yet.
+    /// Line of the open `facet` statement, which has no end yet.
     facet: Option<usize>,
     /// Corners of the unfinished facet.
     corners: Vec<u32>,
@@ -169,7 +169,7 @@ impl TextReader {
     }
 }
 
-/// Position of a vertex: exactly three numbers.
+/// Position of a vertex; there must be exactly three numbers.
 fn vertex<'b>(words: impl Iterator<Item = &'b [u8]>) -> Result<DVec3, String> {
     let values =
         words.map(|word| finite(word).ok_or_else(|| format!("{}; there should be a coordinate", not_a_number(word))));
@@ -180,7 +180,7 @@ fn vertex<'b>(words: impl Iterator<Item = &'b [u8]>) -> Result<DVec3, String> {
     }
 }
 
-/// Name after `solid`, without the text that Slicer and others append.
+/// Name after `solid`, without the text that 3D Slicer and other programs append.
 fn solid_name(after: &str) -> String {
     let name = after.trim();
     if name.to_uppercase().contains("SPACE=") || name.to_lowercase().starts_with("ascii") {

@@ -64,7 +64,7 @@ pub(super) fn not_polydata(kind: &str) -> String {
 }
 
 impl Reader<'_> {
-    /// Reads the section that a keyword begins. Returns true if the geometry ends there.
+    /// Reads the section that `keyword` begins. Returns true at the point or cell data, which follow the geometry.
     fn section(&mut self, keyword: &[u8]) -> Result<bool, Fault> {
         match keyword {
             b"POINTS" => self.points()?,
@@ -79,13 +79,13 @@ impl Reader<'_> {
         Ok(false)
     }
 
-    /// Skips names and ranges of arrays, up to an empty line.
+    /// Skips metadata on arrays, up to an empty line.
     fn metadata(&mut self) {
         self.scanner.line();
         while self.scanner.line().is_some_and(|line| !line.trim_ascii().is_empty()) {}
     }
 
-    /// `count` numbers in the file's encoding.
+    /// `count` numbers in the file's encoding. `what` names them in errors.
     fn numbers(&mut self, count: usize, number: Number, what: &str) -> Result<Vec<f64>, Fault> {
         if self.binary {
             self.scanner.line();
@@ -113,7 +113,7 @@ impl Reader<'_> {
         Ok(count)
     }
 
-    /// Reads a list of cells, and keeps it if the cells make triangles.
+    /// Reads a list of cells of `kind`. Cells that make no triangles (`None`) are dropped.
     fn cells(&mut self, kind: Option<Cells>) -> Result<(), Fault> {
         let first = self.scanner.count("the number of cells")?;
         let size = self.scanner.count("the size of the list of cells")?;
@@ -139,7 +139,7 @@ impl Reader<'_> {
         result.map_err(|reason| at.fault(reason))
     }
 
-    /// Reads arrays that belong to the whole data set; text arrays may name the axes.
+    /// Reads arrays that belong to the whole data set. Text arrays may name the axes.
     fn field(&mut self) -> Result<(), Fault> {
         self.scanner.word();
         let arrays = self.scanner.count("the number of arrays")?;
@@ -167,7 +167,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A text of a field: a line in text files; in binary files, a length followed by the bytes.
+    /// A text of a field. It is a line in a text file; in a binary file, it is a length followed by bytes.
     fn string(&mut self) -> Result<String, Fault> {
         if !self.binary {
             let line = self.scanner.line().map(|line| String::from_utf8_lossy(line).into_owned());

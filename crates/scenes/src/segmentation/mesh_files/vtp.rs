@@ -12,7 +12,7 @@ use super::vtk::not_polydata;
 use super::vtp_data::{Encoding, Format};
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
-    // Appended data may be raw bytes, which XML doesn't allow.
+    // Appended data may be raw bytes, which XML doesn't allow, so they are cut off first.
     let start = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
     let tail = &bytes[start..];
     let end = tail.iter().position(|b| *b == b'>').unwrap_or(0);
@@ -42,7 +42,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     }
     let pieces: Vec<_> = root.descendants().filter(|n| n.has_tag_name("Piece")).collect();
     for (number, piece) in pieces.iter().enumerate() {
-        // Several pieces are parts of one mesh.
+        // Several pieces become parts of one mesh.
         let part = (pieces.len() > 1).then(|| format!("piece {number}"));
         let mut draft = Draft { part, whole: Some(0), ..Draft::default() };
         reader.piece(piece, &mut parsed, &mut draft)?;
@@ -53,7 +53,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
 
 struct Reader<'a> {
     format: Format,
-    /// Data after the XML.
+    /// Appended data, after the XML.
     appended: Encoding<'a>,
 }
 
@@ -123,7 +123,7 @@ impl Reader<'_> {
     }
 }
 
-/// Line of an element.
+/// Line of an element in the file, from 1.
 fn line(node: &Node<'_, '_>) -> usize {
     node.document().text_pos_at(node.range().start).row as usize
 }

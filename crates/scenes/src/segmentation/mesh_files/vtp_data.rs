@@ -13,18 +13,18 @@ use super::super::numbers::{Number, Order};
 /// Most values of one array: 33 million points, or the corners of as many triangles.
 const VALUES_MAX: usize = 100_000_000;
 
-/// Memory of one value, bytes: as a number, and then in a vertex or triangle.
+/// Memory per value, bytes: as a decoded number, and then in a vertex or triangle.
 const VALUE_BYTES: usize = 20;
 
-/// How a file encodes all of its data.
+/// Format of all encoded data of a file.
 pub(super) struct Format {
     order: Order,
-    /// Type of the lengths before the data.
+    /// Type of the lengths that precede the data.
     length: Number,
     compressed: bool,
 }
 
-/// Data that start with their length.
+/// Encoded data, which start with their length.
 #[derive(Clone, Copy)]
 pub(super) enum Encoding<'a> {
     Raw(&'a [u8]),
@@ -32,7 +32,7 @@ pub(super) enum Encoding<'a> {
 }
 
 impl<'a> Encoding<'a> {
-    /// The data from an offset on.
+    /// The data from an offset on, in bytes or base64 characters; `None` beyond the end.
     pub(super) fn from(self, offset: usize) -> Option<Self> {
         match self {
             Self::Raw(bytes) => Some(Self::Raw(bytes.get(offset..)?)),
@@ -40,14 +40,14 @@ impl<'a> Encoding<'a> {
         }
     }
 
-    /// Number of bytes, or of base64 characters.
+    /// Number of raw bytes, or of base64 characters.
     fn len(self) -> usize {
         match self {
             Self::Raw(bytes) | Self::Base64(bytes) => bytes.len(),
         }
     }
 
-    /// The first `length` bytes, decoded as one unit of the encoding, and the remaining data.
+    /// The first `length` bytes, decoded, and the data after them. In base64, they must be encoded as a unit.
     fn take(self, length: usize) -> Result<(Vec<u8>, Self), String> {
         let truncated = |left: usize| format!("truncated: {length} bytes are promised, {left} are left");
         match self {
@@ -70,7 +70,7 @@ impl<'a> Encoding<'a> {
 }
 
 impl Format {
-    /// Format that the root element names.
+    /// Format according to the attributes of the root element.
     pub(super) fn of(root: &Node<'_, '_>) -> Result<Self, String> {
         let compressed = match root.attribute("compressor") {
             None | Some("") => false,
@@ -82,7 +82,7 @@ impl Format {
         Ok(Self { order, length, compressed })
     }
 
-    /// Type of numbers by its name.
+    /// Type of numbers with this VTK name.
     pub(super) fn number(name: &str) -> Option<Number> {
         Some(match name {
             "Int8" => Number::I8,
@@ -101,7 +101,7 @@ impl Format {
         })
     }
 
-    /// Values of an array.
+    /// Decoded values of an array.
     pub(super) fn values(&self, data: Encoding<'_>, number: Option<Number>) -> Result<Vec<f64>, String> {
         let number = number.ok_or("it is of an unknown type of numbers")?;
         let bytes = if self.compressed { self.compressed(data, number)? } else { self.plain(data, number)? };
@@ -122,12 +122,12 @@ impl Format {
         bytes.chunks_exact(self.length.size()).map(|value| self.length.read(value, self.order) as usize).collect()
     }
 
-    /// Data after their length; length and data are encoded together.
+    /// Bytes of uncompressed data. In base64, their length and the bytes are encoded as a unit.
     fn plain(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let length = match data {
             Encoding::Raw(_) => self.lengths(&data.take(size)?.0)[0],
-            // The first whole base64 units that contain the length.
+            // Decodes only the base64 units that contain the length.
             Encoding::Base64(text) => {
                 let start = text.get(..size.div_ceil(3) * 4).ok_or("truncated: it has no length")?;
                 let bytes = STANDARD.decode(start).map_err(|e| format!("it is not base64: {e}"))?;
@@ -140,7 +140,7 @@ impl Format {
         Ok(bytes)
     }
 
-    /// Blocks of zlib data after the number and sizes of the blocks.
+    /// Bytes of compressed data: zlib blocks, preceded by the number and sizes of the blocks.
     fn compressed(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let first = match data {
@@ -163,7 +163,7 @@ impl Format {
         for (i, size) in packed.iter().enumerate() {
             let (expected, before) = (expected(i), unpacked.len());
             let decoder = ZlibDecoder::new(&bytes[at..at + size]);
-            // A small file may announce a large block.
+            // No more than the announced size is decompressed, whatever a block contains.
             let read = decoder.take(expected as u64).read_to_end(&mut unpacked);
             read.map_err(|e| format!("block {i} is not zlib data: {e}"))?;
             if unpacked.len() - before != expected {

@@ -1,7 +1,8 @@
-//! Decimation of a complex: edges are collapsed in the order of their error (Garland and Heckbert 1997).
+//! Decimation of a complex, the surfaces of all labels: edges are collapsed in the order of their error (Garland and
+//! Heckbert 1997).
 //!
-//! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Lines where surfaces
-//! join stay on such lines, and vertices on a face of the grid stay in that plane.
+//! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Where several surfaces
+//! join, their junction lines stay in position, and vertices on a face of the grid stay in that plane.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -13,14 +14,14 @@ use super::complex::Complex;
 use super::quadric::Quadric;
 use super::smooth::Kind;
 
-/// Least cosine between a face's normals before and after a collapse.
+/// Smallest cosine of the angle between a face's normals before and after a collapse.
 const TURN_MIN: f64 = 0.35;
 /// Smallest quality of a face: 4√3 × area over the sum of its squared edges, 1 for an equilateral triangle.
 const QUALITY_MIN: f64 = 0.08;
-/// Weight of the planes that hold junctions in position.
+/// Weight of the planes that hold junction lines in position.
 const LINE_WEIGHT: f64 = 4.0;
 
-/// Edge in the queue.
+/// Edge in the queue, with its cost and the versions of its vertices at that time.
 struct Candidate {
     cost: f32,
     edge: [u32; 2],
@@ -42,15 +43,15 @@ impl PartialOrd for Candidate {
 }
 
 impl Ord for Candidate {
-    /// The greatest candidate is the one of least cost.
+    /// The candidate of least cost is the greatest, so that the heap returns it first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.cost.total_cmp(&self.cost).then(other.edge.cmp(&self.edge)).then(other.versions.cmp(&self.versions))
     }
 }
 
-/// A possible collapse of an edge.
+/// A possible collapse of an edge to a point.
 struct Collapse {
-    /// Vertex that stays, and vertex that is removed.
+    /// Vertex that stays, at `to_mm`, and vertex that is removed.
     stays: u32,
     goes: u32,
     to_mm: DVec3,
@@ -60,9 +61,9 @@ struct Collapse {
 struct Decimation<'a> {
     complex: &'a mut Complex,
     quadrics: Vec<Quadric>,
-    /// Area of the faces around each vertex, mm².
+    /// A third of the area of the faces around each vertex, mm².
     weights: Vec<f64>,
-    /// Triangles at each vertex.
+    /// Indices of the triangles at each vertex.
     around: Vec<Vec<u32>>,
     versions: Vec<u32>,
     gone: Vec<bool>,
@@ -70,7 +71,7 @@ struct Decimation<'a> {
 }
 
 impl Complex {
-    /// Collapses edges until at most `triangles` are left, or until the next collapse would move a surface by more
+    /// Collapses edges until at most `triangles` are left, or every remaining collapse would move a surface by more
     /// than about `error_mm`. `progress` receives the completed share, 0..=1.
     pub fn decimate(&mut self, triangles: usize, error_mm: f64, progress: &dyn Fn(f64)) {
         let before = self.triangles.len();
@@ -137,8 +138,8 @@ impl<'a> Decimation<'a> {
         0.5 * (b - a).cross(c - a)
     }
 
-    /// Quadric of a vertex with its weight: the planes of its faces; at a junction also planes along the junction
-    /// lines, perpendicular to the faces.
+    /// Quadric of a vertex, and its weight. The quadric sums the planes of the faces. At a junction it also has planes
+    /// along the junction lines, perpendicular to the faces.
     fn quadric_of(&self, v: u32) -> (Quadric, f64) {
         let mut sum = Quadric::default();
         let mut weight = 0.0;
@@ -166,13 +167,13 @@ impl<'a> Decimation<'a> {
         (sum, weight)
     }
 
-    /// Triangles at the edge.
+    /// Indices of the triangles at an edge.
     fn at_edge(&self, [a, b]: [u32; 2]) -> impl Iterator<Item = u32> + '_ {
         let holds = move |&n: &u32| self.complex.triangles[n as usize].corners.contains(&b);
         self.around[a as usize].iter().copied().filter(holds)
     }
 
-    /// Whether several surfaces join at the edge.
+    /// Whether surfaces between different pairs of labels join at the edge.
     fn is_junction(&self, edge: [u32; 2]) -> bool {
         let mut triangles = self.at_edge(edge);
         let (Some(first), Some(second), None) = (triangles.next(), triangles.next(), triangles.next()) else {
@@ -185,7 +186,7 @@ impl<'a> Decimation<'a> {
         sorted(first) != sorted(second)
     }
 
-    /// Neighbours of a vertex, ascending.
+    /// Puts the neighbours of a vertex into `found`, ascending.
     fn neighbours(&self, v: u32, found: &mut Vec<u32>) {
         found.clear();
         for &n in &self.around[v as usize] {
@@ -218,8 +219,7 @@ impl<'a> Decimation<'a> {
         queue.extend(self.candidate(edge));
     }
 
-    /// The collapse of an edge: the vertex that stays, its position and the cost. `None` if neither vertex may be
-    /// removed.
+    /// The collapse of an edge; `None` if neither vertex may be removed, or the error is too large.
     fn collapse(&self, [a, b]: [u32; 2]) -> Option<Collapse> {
         let kind = |v: u32| self.complex.kinds[v as usize];
         let border = |v: u32| self.complex.borders[v as usize];
@@ -240,7 +240,7 @@ impl<'a> Decimation<'a> {
         if free {
             let middle = 0.5 * (self.at(a) + self.at(b));
             let mut best = sum.minimum(middle);
-            // Where the planes hardly differ, their common point may lie far from the edge and means nothing.
+            // Where the planes are nearly parallel, their common point may be far from the edge and is meaningless.
             if best.distance(middle) > self.at(a).distance(self.at(b)) {
                 best = middle;
             }
@@ -257,12 +257,12 @@ impl<'a> Decimation<'a> {
         if error > self.error_mm * self.error_mm * weight {
             return None;
         }
-        // In flat regions, short edges are collapsed first.
+        // In flat regions the error is zero, so short edges are collapsed first.
         let cost = error + 1e-4 * weight.min(1.0) * self.at(a).distance_squared(self.at(b));
         Some(Collapse { stays, goes, to_mm, cost })
     }
 
-    /// True if the collapse keeps topology and the sense of all faces.
+    /// Whether a collapse keeps the topology and turns no face over.
     fn is_allowed(&self, collapse: &Collapse) -> bool {
         let Collapse { stays, goes, to_mm, .. } = *collapse;
         let (mut of_stays, mut of_goes) = (Vec::new(), Vec::new());
@@ -280,11 +280,11 @@ impl<'a> Decimation<'a> {
         if opposite.len() != edges || common != opposite {
             return false;
         }
-        // Two junction lines would become one.
+        // The collapse would merge two junction lines.
         if opposite.iter().any(|&v| self.is_junction([goes, v]) && self.is_junction([stays, v])) {
             return false;
         }
-        // A tetrahedron would fold onto itself.
+        // The collapse would fold a tetrahedron onto itself.
         let folds = self.around[goes as usize].iter().any(|&n| {
             let others = self.complex.triangles[n as usize].corners;
             let rim = others.iter().filter(|v| common.binary_search(v).is_ok()).count();
@@ -298,7 +298,8 @@ impl<'a> Decimation<'a> {
         !folds && self.keeps_sense(stays, goes, to_mm) && self.keeps_sense(goes, stays, to_mm)
     }
 
-    /// Whether the faces of `v` without `other` keep their orientation with `v` at `to_mm`.
+    /// Whether the faces of `v` that don't contain `other` keep their orientation, and enough quality, if `v` moves to
+    /// `to_mm`.
     fn keeps_sense(&self, v: u32, other: u32, to_mm: DVec3) -> bool {
         self.around[v as usize].iter().all(|&n| {
             let corners = self.complex.triangles[n as usize].corners;
@@ -311,7 +312,7 @@ impl<'a> Decimation<'a> {
             let after = (q - p).cross(r - p);
             let edges =
                 |a: DVec3, b: DVec3, c: DVec3| a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-            // 2√3 × |cross| over the squared edges.
+            // Quality as in `QUALITY_MIN`: 2√3 × |cross| over the sum of the squared edges.
             let quality = |cross: DVec3, edges: f64| 3.464 * cross.length() / edges.max(1e-300);
             let (old, new) = (quality(before, edges(a, b, c)), quality(after, edges(p, q, r)));
             before.dot(after) > TURN_MIN * before.length() * after.length() && (new > QUALITY_MIN || new > old)
@@ -344,7 +345,7 @@ impl<'a> Decimation<'a> {
         went
     }
 
-    /// Removes the collapsed triangles and vertices.
+    /// Removes the triangles and vertices that the collapses left unused.
     fn finish(self) {
         let Self { complex, gone, .. } = self;
         let mut gone = gone.into_iter();

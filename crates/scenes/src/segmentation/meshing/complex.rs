@@ -1,4 +1,4 @@
-//! Triangles between labels, over shared vertices.
+//! Complex: the surfaces of all labels as triangles between two labels, over shared vertices.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -12,16 +12,16 @@ use super::{BORDER, NONE};
 /// Triangle between two labels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
-    /// Vertices: counter-clockwise seen from the second side.
+    /// Indices of the vertices, counter-clockwise seen from the second side.
     pub corners: [u32; 3],
-    /// Label behind the face, and label in front of it.
+    /// Label behind the face, and label in front of it, where its normal points.
     pub sides: [u16; 2],
 }
 
 /// Surfaces of all labels.
 #[derive(Debug, Clone, Default)]
 pub struct Complex {
-    /// Vertices: voxel index times voxel spacing, mm along the grid's axes.
+    /// Vertices, mm along the grid's axes: voxel index times voxel spacing.
     pub vertices_mm: Vec<DVec3>,
     /// Freedom of movement of each vertex.
     pub(super) kinds: Vec<Kind>,
@@ -42,7 +42,7 @@ impl Complex {
             let [a, b, c, d] = quad.corners;
             let at = |v: u32| vertices_mm[v as usize];
             let ways = [[[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]];
-            // If a corner lies between two others on a line, one diagonal makes a triangle without area.
+            // If three corners of a quad lie on a line, one diagonal makes a triangle without area.
             let thinnest = |halves: [[u32; 3]; 2]| {
                 let cross = halves.map(|[a, b, c]| (at(b) - at(a)).cross(at(c) - at(a)).length_squared());
                 cross[0].min(cross[1])

@@ -1,8 +1,8 @@
 //! Meshing of label volumes: closed surfaces of all labels on one grid. Neighbouring labels share their boundary.
 //!
-//! Surface nets (Gibson 1998) have one vertex for each cell of eight voxels with several labels. All labels share
-//! these vertices, so neighbours have no gap between them. Smoothing keeps each vertex within its cell and each label
-//! at its volume. Edges are then collapsed by quadric error (Garland and Heckbert 1997).
+//! Surface nets (Gibson 1998) have one vertex for each cell of eight voxels that contains several labels. All labels
+//! share these vertices, so neighbours have no gap between them. Smoothing keeps each vertex within its cell and each
+//! label at its volume. Edges are then collapsed by quadric error (Garland and Heckbert 1997).
 
 mod collapse;
 mod complex;

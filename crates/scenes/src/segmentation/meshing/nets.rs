@@ -1,76 +1,77 @@
-//! Surface nets of several labels (Gibson 1998). They have a vertex in each cell of eight voxels with several labels,
-//! and a quad between each pair of neighbouring voxels with different labels.
+//! Surface nets of several labels (Gibson 1998). A net has a vertex in each cell of eight voxels that contains several
+//! labels, and a quad between each pair of neighbouring voxels with different labels.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{BORDER, NONE};
 
-/// Index that stands for no vertex.
+/// Index that means no vertex.
 pub(super) const NO_VERTEX: u32 = u32::MAX;
 
 /// Quadrilateral between two labels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quad {
-    /// Vertices in order: counter-clockwise seen from the second side.
+    /// Indices of the vertices, counter-clockwise seen from the second side.
     pub corners: [u32; 4],
-    /// Label behind the face, and label in front of it.
+    /// Label behind the face, and label in front of it, where its normal points.
     pub sides: [u16; 2],
 }
 
-/// Net of quads between labels, in cells of the grid.
+/// Net of quads between labels.
 ///
-/// The cell (a, b, c) lies between the voxels (a−1, b−1, c−1) and (a, b, c); its centre has the voxel index (a−½, b−½,
-/// c−½).
+/// Its cells are shifted by half a voxel. Cell (a, b, c) lies between the voxels (a−1, b−1, c−1) and (a, b, c). The
+/// cell's centre has the voxel index (a−½, b−½, c−½).
 #[derive(Debug, Clone, Default)]
 pub struct Net {
     /// Number of voxels along each axis.
     pub size: [usize; 3],
-    /// Cell of each vertex.
+    /// Cell that each vertex belongs to.
     pub cells: Vec<[u16; 3]>,
     /// Position of each vertex relative to its cell's centre, voxels.
     pub offsets: Vec<Vec3>,
-    /// Vertices of the neighbouring cells across the six faces of each cell, −x, +x, −y … +z; [`NO_VERTEX`] if all
-    /// labels at the face are equal.
+    /// For each vertex, the vertices of the cells beyond its cell's faces −x, +x, −y … +z; [`NO_VERTEX`] if all labels
+    /// at a face are equal.
     pub(super) neighbours: Vec<[u32; 6]>,
-    /// Faces of each cell at which more than two surfaces join, or a surface reaches the grid's border: bit n for face
-    /// n.
+    /// For each vertex, bits of its cell's faces: bit n is set if more than two surfaces join at face n, or a surface
+    /// reaches the grid's border there.
     pub(super) junctions: Vec<u8>,
     /// Faces of all surfaces.
     pub quads: Vec<Quad>,
 }
 
-/// Voxels of the grid, surrounded by a border of one voxel.
+/// Labels of the voxels of a grid, surrounded by a border of one voxel.
 struct Voxels<'a> {
     labels: &'a [u16],
     size: [usize; 3],
 }
 
 impl Voxels<'_> {
-    /// Label of a voxel. Indices count from 1; 0 and size + 1 are the border.
+    /// Label of a voxel, [`BORDER`] outside the grid. Indices within the grid count from 1.
     fn label(&self, [a, b, c]: [usize; 3]) -> u16 {
         let [nx, ny, nz] = self.size;
         let within = (1..=nx).contains(&a) && (1..=ny).contains(&b) && (1..=nz).contains(&c);
         if within { self.labels[((c - 1) * ny + b - 1) * nx + a - 1] } else { BORDER }
     }
 
-    /// The eight labels of a cell; bit 0 of the index is x.
+    /// Labels of a cell's eight voxels. In their index, bit 0 is x, bit 1 y and bit 2 z.
     fn of_cell(&self, [a, b, c]: [usize; 3]) -> [u16; 8] {
         std::array::from_fn(|n| self.label([a + (n & 1), b + (n >> 1 & 1), c + (n >> 2)]))
     }
 }
 
-/// Label, with the border as no label.
+/// A label; [`NONE`] for the border.
 fn inner(label: u16) -> u16 {
     if label == BORDER { NONE } else { label }
 }
 
-/// Corners of the cell's faces −x, +x, −y, +y, −z, +z, in order around each face.
+/// Corners of a cell's faces −x, +x, −y, +y, −z, +z, in order around each face. The numbers are those of
+/// [`Voxels::of_cell`].
 const FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
 
-/// A layer of cells with equal c.
+/// A layer of cells: those of equal c.
 struct Layer {
-    /// Positions in the layer of the cells that have a vertex, ascending.
+    /// Ascending positions (b × width + a) in the layer of the cells that have a vertex.
     positions: Vec<u32>,
 }
 
@@ -84,7 +85,7 @@ impl Net {
         for layer in &layers {
             starts.push(starts[starts.len() - 1] + layer.positions.len() as u32);
         }
-        // Vertex of each cell of a layer, by its position in the layer.
+        // Vertex of each cell of a layer, indexed by the cell's position in the layer.
         let map = |c: usize| {
             let mut vertices = vec![NO_VERTEX; width * height];
             for (vertex, &position) in (starts[c]..).zip(&layers[c].positions) {
@@ -112,7 +113,7 @@ impl Net {
         net
     }
 
-    /// Position of a vertex, voxel index.
+    /// Position of a vertex, as a voxel index with fractions.
     pub fn position(&self, vertex: usize) -> Vec3 {
         Vec3::from(self.cells[vertex].map(f32::from)) - 0.5 + self.offsets[vertex]
     }
@@ -152,8 +153,8 @@ impl Layer {
         Self { positions }
     }
 
-    /// Vertices of the layer, and the quads between pairs of voxels whose upper corner lies in it. `vertices` are the
-    /// vertices of the layers below, at and above it.
+    /// Vertices of this layer of cells, and quads between the voxel at each cell's near corner (lowest indices) and its
+    /// neighbours. `vertices` are the vertices of the layers below, at and above this one.
     fn part(&self, voxels: &Voxels, c: usize, vertices: &[Vec<u32>; 3]) -> Part {
         let [width, height, _] = voxels.size.map(|n| n + 1);
         let mut part = Part { cells: Vec::new(), neighbours: Vec::new(), junctions: Vec::new(), quads: Vec::new() };
@@ -184,7 +185,8 @@ impl Layer {
             part.cells.push([a as u16, b as u16, c as u16]);
             part.neighbours.push(neighbours);
             part.junctions.push(junctions);
-            // The voxel at the cell's near corner, with its three neighbours in the cell.
+            // Label of the voxel at the cell's near corner; a quad separates it from each neighbour in the cell with
+            // another label.
             let near = corners[0];
             let mut quad = |far: u16, around: [u32; 4]| {
                 if inner(near) != inner(far) {

@@ -1,4 +1,4 @@
-//! Closed surface of one label.
+//! Part: the closed surface of one label.
 
 use glam::{DAffine3, DVec3};
 
@@ -17,7 +17,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Volume, mm³ along the grid's axes.
+    /// Enclosed volume, mm³; negative if the surface faces inward.
     pub fn volume_mm3(&self) -> f64 {
         self.triangles
             .iter()
@@ -26,7 +26,7 @@ impl Part {
             .sum()
     }
 
-    /// The surface in the frame to which `lps_from_grid_mm` transforms, facing outward.
+    /// The surface as a mesh in the patient frame (LPS), mm, facing outward.
     pub fn mesh(&self, lps_from_grid_mm: &DAffine3) -> Mesh {
         let vertices_mm = self.vertices_mm.iter().map(|&p| lps_from_grid_mm.transform_point3(p).as_vec3()).collect();
         let mut mesh = Mesh { vertices_mm, triangles: self.triangles.clone() };

@@ -4,17 +4,17 @@ use std::ops::{Add, AddAssign};
 
 use glam::{DMat3, DVec3};
 
-/// Weighted sum of squared distances from planes: xᵀAx + 2b·x + c.
+/// Weighted sum of squared distances of a point x from planes: xᵀAx + 2b·x + c.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Quadric {
-    /// A: xx, xy, xz, yy, yz, zz.
+    /// Elements of A: xx, xy, xz, yy, yz, zz.
     a: [f64; 6],
     b: [f64; 3],
     c: f64,
 }
 
 impl Quadric {
-    /// Squared distance from the plane through `point` with this unit normal, times `weight`.
+    /// Quadric of one plane: squared distance from the plane through `point` with this unit normal, times `weight`.
     pub(super) fn plane(point: DVec3, normal: DVec3, weight: f64) -> Self {
         let DVec3 { x, y, z } = normal;
         let d = -normal.dot(point);
@@ -26,7 +26,7 @@ impl Quadric {
         }
     }
 
-    /// Value at `p`.
+    /// Value of the sum at `p`.
     pub(super) fn at(&self, p: DVec3) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let DVec3 { x, y, z } = p;
@@ -34,11 +34,11 @@ impl Quadric {
         (square + 2.0 * (self.b[0] * x + self.b[1] * y + self.b[2] * z) + self.c).max(0.0)
     }
 
-    /// Point of the least value near `start`. Along directions that no plane constrains, it stays at `start`.
+    /// Point near `start` at which the sum is least. Along directions that no plane constrains, it stays at `start`.
     pub(super) fn minimum(&self, start: DVec3) -> DVec3 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let trace = xx + yy + zz;
-        // A weak pull to `start` keeps the system solvable where planes are nearly parallel.
+        // A weak attraction to `start` keeps the system solvable where planes are nearly parallel.
         let pull = 1e-3 * trace;
         let matrix = DMat3::from_cols(
             DVec3::new(xx + pull, xy, xz),

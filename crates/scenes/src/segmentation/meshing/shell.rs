@@ -11,27 +11,27 @@ use rayon::prelude::*;
 
 use super::part::Part;
 
-/// Largest depth of the offset, relative to the thickness of the part below.
+/// Largest depth of the offset, relative to the thickness of the part along the normal.
 const SHARE_MAX: f64 = 0.35;
 /// Rounds of averaging depths and directions over neighbours.
 const EVEN_ROUNDS: usize = 3;
-/// Rounds of propagating a shift from the rim of a cut into the cut.
+/// Rounds of averaging that carry the shift of the surface at the rim of a cut into the cut.
 const CUT_ROUNDS: usize = 60;
-/// Rounds of reducing depths where faces would turn over.
+/// Rounds of reducing the depth where faces would turn over.
 const FOLD_ROUNDS: usize = 12;
-/// Smallest cosine of the angle between a face and its offset.
+/// Smallest cosine of the angle between the normals of a face and of its offset; below it, the face turns over.
 const TURN_MIN: f64 = 0.3;
-/// Distance of a ray's start from the surface, mm.
+/// Distance inward from the surface at which a ray starts, mm.
 const START_MM: f64 = 1e-3;
 
 impl Part {
-    /// The surface `depth_mm` below this one, with the same triangles. In thin parts the depth is at most about a
+    /// The surface moved inward by `depth_mm`, with the same triangles. In thin parts the depth is at most about a
     /// third of the thickness. Vertices on the grid's border stay on it.
     #[must_use]
     pub fn inward(&self, depth_mm: f64) -> Self {
         let neighbours = self.neighbours();
         let normals = self.normals();
-        // Within a cut of the scan, a normal has no component along the surface.
+        // Normals are taken along the grid's faces, so they are zero where the scan cuts the part.
         let in_cut: Vec<bool> = normals.iter().map(|n| *n == DVec3::ZERO).collect();
         let mut depths = self.depths(&normals, depth_mm);
         let mut directions = normals;
@@ -57,7 +57,7 @@ impl Part {
                 }
             }
         }
-        // Faces that still turn over stay on the surface.
+        // Faces that still turn over are put back onto the outer surface.
         let mut inner = self.moved(&neighbours, &in_cut, &directions, &depths);
         loop {
             let folds = self.folds(&inner);
@@ -94,7 +94,7 @@ impl Part {
         Self { vertices_mm, ..self.clone() }
     }
 
-    /// Vertices of the faces that turn over between this surface and `inner`.
+    /// Faces that turn over between this surface and `inner`, as vertex indices.
     fn folds(&self, inner: &Self) -> Vec<[u32; 3]> {
         let cross = |part: &Self, t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| part.vertices_mm[v as usize]);
@@ -111,14 +111,14 @@ impl Part {
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.vertices_mm.len()];
         for &[a, b, c] in &self.triangles {
             for (v, w) in [(a, b), (b, c), (c, a)] {
-                // Each edge belongs to two faces, once in each direction.
+                // The other direction of the edge belongs to the other face.
                 neighbours[v as usize].push(w);
             }
         }
         neighbours
     }
 
-    /// `v` without its components perpendicular to the faces of the grid that the vertex lies on.
+    /// The vector `v` without components perpendicular to the grid's faces on which the vertex lies.
     fn along_border(&self, vertex: usize, mut v: DVec3) -> DVec3 {
         let border = self.borders[vertex] | self.borders[vertex] >> 3;
         (0..3).filter(|axis| border >> axis & 1 == 1).for_each(|axis| v[axis] = 0.0);
@@ -127,11 +127,11 @@ impl Part {
 
     fn in_border(&self, vertex: usize, direction: DVec3) -> DVec3 {
         let along = self.along_border(vertex, direction);
-        // For the faces of a cut itself, only rounding errors remain.
+        // For a vertex within a cut, only rounding errors remain.
         if along.length() > 1e-6 * direction.length().max(1e-12) { along.normalize_or_zero() } else { DVec3::ZERO }
     }
 
-    /// Unit normals; zero within a cut.
+    /// Unit normal of each vertex, along the grid's faces for vertices on them; zero within a cut.
     fn normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.vertices_mm.len()];
         for t in &self.triangles {
@@ -142,7 +142,7 @@ impl Part {
         normals.into_iter().enumerate().map(|(v, n)| self.in_border(v, n.normalize_or_zero())).collect()
     }
 
-    /// Depth at each vertex: at most a share of the thickness along the normal.
+    /// Depth of the offset at each vertex, mm: `depth_mm`, or less where the part is thin along the normal.
     fn depths(&self, normals: &[DVec3], depth_mm: f64) -> Vec<f64> {
         let corner = |v: u32| Vec3A::from(self.vertices_mm[v as usize].as_vec3());
         let triangle = |t: &[u32; 3]| Triangle { v0: corner(t[0]), v1: corner(t[1]), v2: corner(t[2]) };
@@ -158,7 +158,7 @@ impl Part {
             let inside = -self.off_border(v) * 0.1 - *normal * START_MM;
             let origin = (self.vertices_mm[v] + inside).as_vec3();
             let reach = (depth_mm / SHARE_MAX) as f32;
-            // The ray is tilted slightly: the tree loses rays parallel to an axis.
+            // The ray is tilted slightly, since the tree loses rays parallel to an axis.
             let along = -normal.as_vec3() + Vec3::new(1.3e-3, 0.7e-3, 1.1e-3);
             let ray = Ray::new(origin.into(), along.normalize().into(), 2.0 * START_MM as f32, reach);
             let mut hit = RayHit::none();
@@ -171,7 +171,7 @@ impl Part {
         normals.par_iter().enumerate().map(depth).collect()
     }
 
-    /// Outward direction of the grid's faces that a vertex lies on.
+    /// Outward direction, not of unit length, of the grid's faces on which a vertex lies; zero for inner vertices.
     fn off_border(&self, vertex: usize) -> DVec3 {
         let bits = self.borders[vertex];
         let along = |axis: u8| f64::from(bits >> (axis + 3) & 1) - f64::from(bits >> axis & 1);

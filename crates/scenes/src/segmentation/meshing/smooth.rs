@@ -1,16 +1,16 @@
-//! Smoothing of a net: removes staircases and keeps volumes and thin parts.
+//! Smoothing of a net: it removes staircases and keeps volumes and thin parts.
 //!
-//! Vertices move to the mean of their neighbours and never leave their cells (Gibson 1998). On junctions of several
-//! surfaces they move along the junction only. Averaging shrinks curved surfaces. The average loss around a vertex is
-//! restored along its normal, so thin tubes keep their diameter.
+//! Vertices move to the mean of their neighbours and never leave their cells (Gibson 1998). Where several surfaces join
+//! in a line, vertices move along that line only. Averaging shrinks curved surfaces. The average loss around a vertex
+//! is restored along its normal, so thin tubes keep their diameter.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::nets::{NO_VERTEX, Net};
 
-/// Largest distance of a vertex from its cell's centre along each axis, voxels. It is below one half, so that a layer
-/// of one voxel keeps some thickness.
+/// Largest distance of a vertex from its cell's centre along each axis, voxels. It is below one half, so that a single
+/// layer of voxels keeps some thickness.
 const REACH: f32 = 0.45;
 /// Rounds of averaging, each followed by restoring the loss.
 const ROUNDS: usize = 5;
@@ -22,11 +22,11 @@ const SPREAD: usize = 12;
 /// Freedom of movement of a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Within one surface.
+    /// On one surface: free.
     Surface,
-    /// On a line where surfaces join: along the line only.
+    /// On a line where surfaces join: movable along the line.
     Line,
-    /// Where such lines join: fixed.
+    /// Where several such lines join: fixed.
     Corner,
 }
 
@@ -51,7 +51,7 @@ impl Net {
         }
     }
 
-    /// Offset clamped so that the vertex stays in its cell and on the grid's border.
+    /// `offset` clamped such that the vertex stays in its cell, and on the grid's faces that it lies on.
     fn held(&self, vertex: usize, offset: Vec3) -> Vec3 {
         let border = self.border(vertex);
         let fixed = border | border >> 3;
@@ -88,7 +88,8 @@ impl Net {
         self.offsets = (0..self.offsets.len()).into_par_iter().map(next).collect();
     }
 
-    /// Unit normal of each vertex on a single surface, from the lower label to the higher; zero elsewhere.
+    /// Unit normal of each vertex that lies on one surface, from the lower label to the higher; zero for other
+    /// vertices.
     fn normals(&self, kinds: &[Kind]) -> Vec<Vec3> {
         let mut normals = vec![Vec3::ZERO; self.cells.len()];
         for quad in &self.quads {
@@ -105,7 +106,7 @@ impl Net {
         normals.into_par_iter().zip(kinds).map(unit).collect()
     }
 
-    /// Restores the average loss of the surface around each vertex.
+    /// Moves each vertex outward by the average distance that the surface around it has lost.
     fn give_back_around(&mut self, kinds: &[Kind]) {
         let normals = self.normals(kinds);
         let mut lost: Vec<f32> = self.offsets.par_iter().zip(&normals).map(|(o, n)| o.dot(*n)).collect();

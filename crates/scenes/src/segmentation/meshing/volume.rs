@@ -1,4 +1,4 @@
-//! Volumes of labels, and surfaces moved until they enclose them.
+//! Volumes of labels, and correction of surfaces to given volumes.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use super::{BORDER, NONE};
 const ROUNDS: usize = 8;
 
 impl Complex {
-    /// Volume of each label, mm³.
+    /// Volume that each label's surface encloses, mm³.
     pub fn volumes_mm3(&self) -> HashMap<u16, f64> {
         let mut volumes = HashMap::new();
         for triangle in &self.triangles {
@@ -26,8 +26,8 @@ impl Complex {
         volumes
     }
 
-    /// Moves surfaces along their normals until each label has its volume in `wanted_mm3`, by at most `most_mm` in
-    /// total. Lines where surfaces join don't move.
+    /// Moves surfaces along their normals until each label has its volume in `wanted_mm3`, but by at most `most_mm` in
+    /// total. Lines where several surfaces join don't move.
     pub fn restore_volumes(&mut self, wanted_mm3: &HashMap<u16, f64>, most_mm: f64) {
         let step_mm = most_mm / ROUNDS as f64;
         for _ in 0..ROUNDS {

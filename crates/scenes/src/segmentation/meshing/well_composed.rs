@@ -1,17 +1,16 @@
-//! Labels whose surfaces have no edge of four faces.
+//! Correction of labels whose surfaces would have edges of four faces.
 //!
-//! In a square of four neighbouring voxels, one label may have just two opposite corners. Its surface would then have
-//! an edge of four faces (Latecki 1997: a well-composed image has none). Such squares are changed, voxel by voxel.
+//! If a label has just two opposite corners of a square of four neighbouring voxels, its surface has an edge of four
+//! faces. A well-composed image has no such squares (Latecki 1997). They are removed voxel by voxel.
 
 use rayon::prelude::*;
 
-/// Pairs of axes that span squares.
+/// Pairs of axes that span the planes of the squares.
 const PLANES: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-/// Changes `labels` until no label has just two opposite corners of a square. Returns the number of voxels changed.
+/// Changes `labels` until no label has just two opposite corners of a square. Returns the number of changes.
 ///
-/// `rank` gives the order of labels. A voxel changes only to a label of higher rank that touches it, so the changes
-/// end.
+/// `rank` orders the labels. A voxel changes only to a neighbour's label of higher rank, so the changes come to an end.
 pub fn make_well_composed(labels: &mut [u16], size: [usize; 3], rank: &(dyn Fn(u16) -> u64 + Sync)) -> usize {
     let squares = Squares { size, strides: [1, size[0], size[0] * size[1]] };
     let layer = squares.strides[2];
@@ -47,12 +46,13 @@ pub fn make_well_composed(labels: &mut [u16], size: [usize; 3], rank: &(dyn Fn(u
     changed
 }
 
-/// Whether a label has just two opposite corners.
+/// Whether a label has just two opposite corners of a square, whose labels are given in order around it.
 fn crossed([p, q, r, s]: [u16; 4]) -> bool {
     (p == r && q != p && s != p) || (q == s && p != q && r != q)
 }
 
-/// The change that leaves the fewest crossed squares around the changed voxel.
+/// Voxel and new label of the change that leaves the fewest crossed squares around the voxel; `None` if no change
+/// helps.
 fn best_change(
     squares: &Squares,
     labels: &mut [u16],
@@ -86,7 +86,7 @@ struct Squares {
 }
 
 impl Squares {
-    /// Corners, in order around, of the square in `plane` whose first corner is this voxel.
+    /// Corners, in order around, of the square in `plane` whose lowest corner is this voxel; `None` beyond the grid.
     fn corners(&self, first: usize, plane: u8) -> Option<[usize; 4]> {
         let (u, v) = PLANES[usize::from(plane)];
         let at = |axis: usize| first / self.strides[axis] % self.size[axis];
@@ -96,7 +96,7 @@ impl Squares {
         })
     }
 
-    /// Calls `visit` with each square that contains the voxel.
+    /// Calls `visit` with the first corner, plane and corners of each square that contains the voxel.
     fn each_around(&self, voxel: usize, mut visit: impl FnMut(usize, u8, [usize; 4])) {
         for (plane, (u, v)) in (0u8..).zip(PLANES) {
             let at = |axis: usize| voxel / self.strides[axis] % self.size[axis];

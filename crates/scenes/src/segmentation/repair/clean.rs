@@ -8,17 +8,17 @@ use super::edges::{self, of, undirected};
 use super::report::ActionKind;
 use super::work::Work;
 
-/// Height below which a triangle has no area, mm.
+/// Height, mm, below which a triangle counts as flat, without area.
 const FLAT_MM: f64 = 1e-6;
 
-/// Most rounds in which flat triangles are flipped away.
+/// Largest number of rounds of [`flip_away`].
 const ROUNDS: usize = 16;
 
-/// Number of first rounds in which no edge may get four triangles.
+/// Number of rounds before edges may get four triangles.
 const PATIENT_ROUNDS: usize = 8;
 
-/// Removes triangles without area. If a vertex of one lies on the longest edge, the triangle beyond that edge is
-/// divided there.
+/// Removes flat triangles, which have no area. Where a corner of one lies on its longest edge, the triangle beyond that
+/// edge is divided at the corner.
 pub(super) fn drop_degenerate(work: &mut Work) {
     let total = work.mesh.triangles.len();
     work.mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
@@ -40,20 +40,21 @@ pub(super) fn drop_degenerate(work: &mut Work) {
     work.log(ActionKind::Degenerate, removed, regions);
 }
 
-/// Triangles lower than [`FLAT_MM`].
+/// Indices of the triangles lower than [`FLAT_MM`].
 fn flat(work: &Work) -> Vec<u32> {
     let is_flat = |triangle: [u32; 3]| {
         let [a, b, c] = work.corners(triangle);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let twice = (b - a).cross(c - a).length();
-        // With the tracer's 32-bit corners a triangle may have no area at all, whatever its height.
+        // With the tracer's 32-bit corners, even a higher triangle may have no area at all.
         twice == 0.0 || twice < FLAT_MM * longest
     };
     (0u32..).zip(&work.mesh.triangles).filter(|(_, t)| is_flat(**t)).map(|(index, _)| index).collect()
 }
 
-/// Removes each flat triangle whose longest edge has another triangle, and divides that triangle at the third corner.
-/// Returns the number of triangles removed. Unless `forced`, no edge gets four triangles.
+/// Removes flat triangles. If another triangle shares the longest edge, it is divided at the flat one's third corner.
+/// Returns the number of triangles removed. Unless `forced`, a division that would give an edge four triangles is left
+/// out.
 fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
     let edges = edges::sorted(&work.mesh.triangles);
     let next = edges::neighbours(work.mesh.triangles.len(), &edges);
@@ -88,7 +89,7 @@ fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
             continue;
         }
         if apex == middle {
-            // Both are flat, back to back.
+            // Both triangles are flat and lie back to back.
             for gone in [t, beyond] {
                 touched[gone as usize] = true;
                 keep[gone as usize] = false;
@@ -99,7 +100,7 @@ fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
         if !forced && exists([middle, apex]) {
             continue;
         }
-        // The divided triangle keeps its winding, whichever triangle `gone` belongs to.
+        // The parts of the divided triangle have its winding, whichever of both triangles they replace.
         let divided = |gone: u32| other.map(|v| if v == gone { middle } else { v });
         work.mesh.triangles[t as usize] = divided(from);
         work.mesh.triangles[beyond as usize] = divided(to);
@@ -111,15 +112,15 @@ fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
     removed
 }
 
-/// A triangle with its corners sorted, and whether that keeps its winding.
+/// Corners of a triangle in ascending order, and whether that order has the same winding.
 fn keyed([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
     let mut sorted = [a, b, c];
     sorted.sort_unstable();
     (sorted, [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted))
 }
 
-/// Removes copies of triangles. Of two triangles back to back, both are removed if they form a wall inside the surface
-/// or the surface `is_closed`; one is removed if they are the only border there.
+/// Removes copies of triangles. Two triangles back to back are both removed if they form a wall inside the surface, or
+/// the surface `is_closed`. If they are the only border there, one of them stays.
 pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     let mut keys: Vec<([u32; 3], u32, bool)> = (0u32..)
         .zip(&work.mesh.triangles)
@@ -133,7 +134,7 @@ pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     let (mut copies, mut backs) = (Vec::new(), Vec::new());
     for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
         let even = group.iter().filter(|(_, _, even)| *even).count();
-        // Of equal triangles, one with the winding of the majority stays; the first one if there is no majority.
+        // One of the copies with the majority's winding stays; without a majority, the first one.
         let kept = if 2 * even == group.len() { group[0] } else { majority(group, 2 * even > group.len()) };
         for &(_, index, _) in group.iter().filter(|(_, index, _)| *index != kept.1) {
             keep[index as usize] = false;
@@ -160,8 +161,8 @@ fn majority(group: &[([u32; 3], u32, bool)], even: bool) -> ([u32; 3], u32, bool
     group.iter().copied().find(|(_, _, is_even)| *is_even == even).unwrap_or(group[0])
 }
 
-/// Walls inside the surface, among the triangle pairs back to back (`backs`): sheets most of whose boundary edges stay
-/// closed without them.
+/// Indices of the triangles in `backs`, one of each pair back to back, that form walls inside the surface. A sheet of
+/// them is a wall if most of its boundary edges stay closed without it.
 fn inner_walls(work: &Work, backs: &[u32], keep: &[bool]) -> Vec<u32> {
     if backs.is_empty() {
         return Vec::new();
@@ -185,8 +186,7 @@ fn inner_walls(work: &Work, backs: &[u32], keep: &[bool]) -> Vec<u32> {
         *rest.entry(edge).or_default() += 1;
     }
     let sheet = joined.numbered();
-    // For each sheet: number of boundary edges that stay closed without it, and number of boundary edges that would
-    // open.
+    // For each sheet: number of boundary edges that would stay closed without it, and number of those that would open.
     let mut votes = vec![[0usize; 2]; triangles.len()];
     for (edge, triangle) in &rim {
         let count = rest.get(edge).copied().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! Closing of open surfaces: caps in planes, and filled holes.
+//! Closing of open surfaces. Each loop of open edges, a rim, is capped in planes or filled as a hole.
 
 use std::collections::BTreeMap;
 
@@ -15,12 +15,12 @@ use super::polygon::{self, Border};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, region};
 
-/// Deviation of a rim that still counts as planar: mm, and as a fraction of the rim's mean edge. Decimation and
-/// smoothing move rims out of their plane.
+/// Largest deviation from a plane at which a rim still counts as planar: mm, and as a fraction of the rim's mean edge.
+/// Decimation and smoothing move rims out of their plane.
 const PLANAR_MM: f64 = 2e-3;
 const PLANAR_PART: f64 = 0.03;
 
-/// Fewest rim edges on a side of the bounding box that counts as a border of the scan.
+/// Fewest rim edges on a side of the surface's bounding box that make it a border of the scan.
 const SIDE_EDGES_MIN: usize = 3;
 
 /// A loop of open edges.
@@ -28,12 +28,12 @@ struct Rim {
     vertices: Vec<u32>,
     points: Vec<DVec3>,
     region: Region,
-    /// Tolerance to planes, mm.
+    /// Largest distance from a plane at which a vertex counts as on it, mm.
     within_mm: f64,
 }
 
 impl Rim {
-    /// Tolerances to planes, mm, in the order of trying.
+    /// Largest distances from a plane, mm: a strict one to try first, then the rim's own.
     fn tolerances_mm(&self) -> [f64; 2] {
         [PLANAR_MM, self.within_mm]
     }
@@ -41,11 +41,11 @@ impl Rim {
 
 /// Shape of a rim.
 enum Kind {
-    /// In one plane: its index among the known planes.
+    /// In one plane, given by its index among the known planes.
     Planar(usize),
-    /// In several planes: the index of the plane of each edge.
+    /// In several planes, given for each edge by index among the known planes.
     Bent(Vec<usize>),
-    /// In no plane.
+    /// In no planes.
     Free,
 }
 
@@ -74,7 +74,7 @@ pub(super) fn close(work: &mut Work, settings: &RepairSettings) {
     report(work, &rims, &kinds, &is_closed, settings);
 }
 
-/// Reports edges that are still open.
+/// Reports edges that are still open as remaining defects.
 pub(super) fn check(work: &mut Work) {
     let open = edges::open(&work.mesh.triangles);
     let region = region(open.iter().flatten().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
@@ -90,8 +90,8 @@ fn rim(work: &Work, vertices: Vec<u32>) -> Rim {
     Rim { vertices, points, region, within_mm }
 }
 
-/// Kind of a rim in one plane: one of the `known` planes, else its own, which is added to them. `Free` if there is
-/// none.
+/// `Planar` if the rim lies in one plane: in one of the `known` planes, else in a plane of its own, which is appended
+/// to them. Otherwise `Free`.
 fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     if let Some(index) =
         known.iter().take(planes::PLANES_REUSED).position(|plane| plane.holds(&rim.points, rim.within_mm))
@@ -108,7 +108,7 @@ fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     }
 }
 
-/// Sides of the surface's bounding box that contain several rim edges: the borders of an upright scan.
+/// Planes of those sides of the surface's bounding box that contain several rim edges: the borders of an upright scan.
 fn sides_of_box(work: &Work, rims: &[Rim]) -> Vec<Plane> {
     let Some(bounds) = work.mesh.bounds_mm() else { return Vec::new() };
     let at = [bounds.min.as_dvec3(), bounds.max.as_dvec3()];
@@ -124,14 +124,15 @@ fn sides_of_box(work: &Work, rims: &[Rim]) -> Vec<Plane> {
     planes.filter(|plane| edges_on(plane) >= SIDE_EDGES_MIN).collect()
 }
 
-/// Kind of a rim in several planes; `Free` if there are no such planes.
+/// `Bent` if the rim lies in several planes, of which new ones are appended to `known`; otherwise `Free`.
 fn bent(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
-    // A tight tolerance assigns edges near two planes more reliably.
+    // The strict tolerance comes first: it assigns edges near two planes more reliably.
     let found = rim.tolerances_mm().into_iter().find_map(|within_mm| planes::of_edges(&rim.points, known, within_mm));
     found.map_or(Kind::Free, Kind::Bent)
 }
 
-/// Separates notches from otherwise planar rims: each notch becomes a rim of its own.
+/// Separates notches from rims that otherwise lie in planes. A notch, a short run of edges off the planes, becomes a
+/// rim of its own.
 fn split_notches(work: &mut Work, rims: &mut Vec<Rim>, kinds: &mut Vec<Kind>, known: &mut Vec<Plane>) {
     let free: Vec<usize> = (0..rims.len()).filter(|&i| matches!(kinds[i], Kind::Free)).collect();
     let rest: Vec<Vec<u32>> = free.iter().map(|&i| rims[i].vertices.clone()).collect();
@@ -154,8 +155,8 @@ fn split_notches(work: &mut Work, rims: &mut Vec<Rim>, kinds: &mut Vec<Kind>, kn
     }
 }
 
-/// A rim without its notches, and the notches as rims. `None` if there are no notches, or one can't be separated by a
-/// new edge.
+/// A rim without its notches, and the notches as rims. `None` if there are no notches, or no new edge can separate one
+/// of them.
 fn without(work: &mut Work, vertices: &[u32], notches: &[Notch], filler: &Filler) -> Option<(Rim, Vec<Rim>)> {
     let count = vertices.len();
     let run = |notch: &Notch| -> Vec<u32> {
@@ -186,19 +187,19 @@ fn without(work: &mut Work, vertices: &[u32], notches: &[Notch], filler: &Filler
     Some((rim(work, rest.collect()), split))
 }
 
-/// Rims in planes, while they are capped.
+/// Rims that lie in planes, and whether each is closed.
 struct Cuts<'a> {
     rims: &'a [Rim],
     kinds: &'a [Kind],
     known: &'a [Plane],
-    /// Number of the `known` planes that are sides of an upright box; these come first.
+    /// Number of the `known` planes, the first ones, that are sides of the bounding box.
     sides: usize,
     is_closed: &'a mut [bool],
 }
 
 impl Cuts<'_> {
-    /// Caps the bent rims together with the planar rims in the same planes, so that one rim within another makes a
-    /// ring. If that fails, each bent rim is capped separately.
+    /// Caps all bent rims together with the planar rims in the same planes, so that one rim within another makes a
+    /// ring. If that fails, caps each bent rim separately.
     fn cap_bent(&mut self, work: &mut Work) {
         let bent: Vec<usize> = (0..self.rims.len()).filter(|&i| matches!(self.kinds[i], Kind::Bent(_))).collect();
         if bent.is_empty() || self.cap_along(work, &bent, true).is_some() {
@@ -209,8 +210,8 @@ impl Cuts<'_> {
         }
     }
 
-    /// Caps some bent rims in their planes, with or without the planar rims there. `None`, without any new cap, if
-    /// that is impossible in one of the planes.
+    /// Caps the bent rims `members` in their planes, if wanted together with the planar rims there. `None`, without any
+    /// new cap, if one of the planes can't be capped.
     fn cap_along(&mut self, work: &mut Work, members: &[usize], with_planar: bool) -> Option<()> {
         let mut turns = Turns::new();
         let mut outlines = BTreeMap::<usize, Vec<Border>>::new();
@@ -246,7 +247,7 @@ impl Cuts<'_> {
         Some(())
     }
 
-    /// Caps the planar rims of each plane together; if that fails, each rim separately.
+    /// Caps the planar rims of each plane together, or each separately if that fails.
     fn cap_planar(&mut self, work: &mut Work) {
         let mut of_plane = BTreeMap::<usize, Vec<usize>>::new();
         for (i, kind) in self.kinds.iter().enumerate() {
@@ -278,7 +279,7 @@ impl Cuts<'_> {
     }
 }
 
-/// Logs the number of closed rims, by method.
+/// Logs the number of closed rims by the method of closing.
 fn report(work: &mut Work, rims: &[Rim], kinds: &[Kind], is_closed: &[bool], settings: &RepairSettings) {
     let mut regions = BTreeMap::<ActionKind, Vec<Region>>::new();
     for ((rim, kind), capped) in rims.iter().zip(kinds).zip(is_closed) {

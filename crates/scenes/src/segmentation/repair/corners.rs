@@ -1,4 +1,4 @@
-//! Edges and corners of a box, where the caps of bent rims meet.
+//! Edges and corners of the box whose planes cut the surface off. There, the caps of bent rims meet.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,40 +8,41 @@ use super::loops::loops;
 use super::planes::{self, Plane};
 use super::work::{Work, volume};
 
-/// Distance by which a surface may exceed a plane that cuts it off, mm.
+/// Distance by which a surface may extend beyond a plane that cuts it off, mm.
 const BEYOND_MM: f64 = 0.05;
 
-/// A vertex at which a rim changes from one plane to another.
+/// Vertex at which a rim turns from one plane into another.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turn {
     pub(super) vertex: u32,
-    /// Plane of the rim after the turn, and direction of the rim there.
+    /// Index of the rim's plane after the turn, and direction of the rim's next edge.
     pub(super) plane: usize,
     pub(super) direction: DVec3,
 }
 
-/// Turns by the pair of planes that they join.
+/// Turns of rims by the pair of planes between which they turn.
 pub(super) type Turns = BTreeMap<[usize; 2], Vec<Turn>>;
 
-/// Edges of caps, each on two planes.
+/// New edges at which two caps meet: the indices of both planes, and the two vertices.
 pub(super) type Bends = Vec<([usize; 2], [u32; 2])>;
 
-/// Intersection of three planes, and whether the solid includes it.
+/// Corner of the box: an intersection of three planes. `inside` tells whether the solid includes it, once decided.
 struct Corner {
     at: DVec3,
     planes: [usize; 3],
     inside: Option<bool>,
-    /// Votes of the winding: +1 for each line along which the solid includes the corner, −1 for each along which it
-    /// does not.
+    /// Votes on whether the solid includes the corner, from the winding of rims: the number for minus the number
+    /// against.
     votes: i32,
 }
 
-/// Cap edges on the lines where two planes intersect, or `None` if the line ends don't pair up.
+/// Edges at which the caps of two planes meet, on the intersection lines of planes. `None` if the ends of the edges
+/// don't pair up.
 ///
-/// Along such a line, turns of rims and corners of the box alternate between entering the solid and leaving it. The
-/// winding of the surface decides which of them enter. If the winding is ambiguous, the solid includes as few corners
-/// as possible. The first `sides` of the `known` planes are sides of an upright box; other planes count only where
-/// rims turn.
+/// Along an intersection line, the solid begins or ends at each turn of a rim, and at each corner of the box that it
+/// includes. The winding of the surface decides which corners these are. If the winding is ambiguous, the solid
+/// includes as few corners as possible. The first `sides` of the `known` planes are sides of an upright box; other
+/// planes count only where rims turn.
 pub(super) fn bends(work: &mut Work, turns: &Turns, known: &[Plane], sides: usize) -> Option<Bends> {
     let used: BTreeSet<usize> = turns.keys().flatten().copied().collect();
     if used.is_empty() {
@@ -72,7 +73,7 @@ pub(super) fn bends(work: &mut Work, turns: &Turns, known: &[Plane], sides: usiz
     Some(bends)
 }
 
-/// Side of a plane on which the whole surface lies, as a sign; `None` if it lies on both.
+/// Sign of the side of a plane on which the whole surface lies; `None` if it lies on both sides.
 fn side(work: &Work, plane: &Plane) -> Option<f64> {
     let used = work.mesh.triangles.iter().flatten();
     let height = |vertex: &u32| plane.normal.dot(work.at(*vertex)) - plane.offset_mm;
@@ -84,7 +85,7 @@ fn side(work: &Work, plane: &Plane) -> Option<f64> {
     }
 }
 
-/// Corners of the box: intersections of three planes that no other plane cuts off.
+/// Corners of the box: intersections of three of the planes `faces` that no other plane cuts off.
 fn corners(faces: &[usize], sides: &[Option<f64>], known: &[Plane]) -> Vec<Corner> {
     let is_inside = |at: DVec3| {
         let cuts_off = |i: &usize| {
@@ -105,8 +106,8 @@ fn corners(faces: &[usize], sides: &[Option<f64>], known: &[Plane]) -> Vec<Corne
     found
 }
 
-/// Intersection lines of two planes, with the corners at their ends. `None` if a line has more than two corners: the
-/// planes form no box.
+/// Intersection lines: for each pair of intersecting planes, the indices of the corners at the line's ends. `None` if a
+/// line has more than two corners, since the planes then form no box.
 fn lines(faces: &[usize], known: &[Plane], corners: &[Corner]) -> Option<Vec<([usize; 2], Vec<usize>)>> {
     let mut lines = Vec::new();
     for (n, &i) in faces.iter().enumerate() {
@@ -124,7 +125,7 @@ fn lines(faces: &[usize], known: &[Plane], corners: &[Corner]) -> Option<Vec<([u
     Some(lines)
 }
 
-/// Collects the votes of the winding for each corner: seen from outside the box, a cap is on the left of its rim.
+/// Adds the votes of rims to the corners. A rim runs such that, seen from outside the box, its cap lies to its left.
 fn vote(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],
@@ -152,7 +153,7 @@ fn vote(
     }
 }
 
-/// Signed volume of the surface with each rim closed by a fan, mm³. It is negative if the surface most likely faces
+/// Signed volume of the surface with each rim closed by a fan, mm³. If it is negative, the surface most likely faces
 /// inward.
 fn open_volume(work: &Work) -> f64 {
     let triangles = work.mesh.triangles.iter().map(|t| volume(work.corners(*t))).sum::<f64>();
@@ -165,8 +166,9 @@ fn open_volume(work: &Work) -> f64 {
     triangles + loops(&work.mesh.triangles).iter().map(fan).sum::<f64>()
 }
 
-/// Decides which corners the solid includes. Of the two ends of a line, exactly one is included if the line has an odd
-/// number of turns. A line with one corner starts outside the solid. `None` if these rules contradict each other.
+/// Decides which corners the solid includes. On a line with an odd number of turns, the solid includes exactly one of
+/// its two ends; otherwise both or none. A line with one corner starts outside the solid. `None` if these rules
+/// contradict each other.
 fn decide(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],
@@ -201,7 +203,7 @@ fn decide(
     Some(())
 }
 
-/// Sets whether a corner is included. `None` if it was already set to the opposite.
+/// Sets whether the solid includes a corner, and queues the corner. `None` if it was set to the opposite before.
 fn set(corners: &mut [Corner], queue: &mut Vec<usize>, corner: usize, inside: bool) -> Option<()> {
     match corners[corner].inside {
         Some(is) => (is == inside).then_some(()),
@@ -213,7 +215,7 @@ fn set(corners: &mut [Corner], queue: &mut Vec<usize>, corner: usize, inside: bo
     }
 }
 
-/// Sets the opposite ends of all lines that start at the queued corners.
+/// Follows all lines from the queued corners and sets the corners at their other ends.
 fn spread(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],

@@ -1,4 +1,4 @@
-//! Edges of more than two triangles: sheets are removed, and touching parts separated.
+//! Crowded edges, those of more than two triangles. Sheets there are removed, and touching parts separated.
 
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::TAU;
@@ -9,14 +9,14 @@ use super::edges::{self, Edge, of, undirected};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, area};
 
-/// Most rounds of removing sheets, and of dividing edges.
+/// Largest number of rounds of removing sheets, and of dividing edges.
 const ROUNDS: usize = 32;
 
-/// Inward offset of the vertices of touching parts, mm. It separates the parts by more than 0.001 mm, the depth from
-/// which the scene check reports a crossing.
+/// Distance by which the vertices of touching parts are moved inward, mm. The gap between the parts then exceeds 0.001
+/// mm, the depth from which the scene check reports a crossing.
 const APART_MM: f64 = 0.004;
 
-/// Resolves all edges of more than two triangles.
+/// Resolves all crowded edges.
 pub(super) fn resolve(work: &mut Work) {
     drop_sheets(work);
     let mut separated = 0;
@@ -38,7 +38,7 @@ pub(super) fn resolve(work: &mut Work) {
     work.log(ActionKind::Separated, separated, regions);
 }
 
-/// Reports edges that still have more than two triangles.
+/// Reports edges that still have more than two triangles as remaining defects.
 pub(super) fn check(work: &mut Work) {
     let edges = edges::sorted(&work.mesh.triangles);
     let crowded: Vec<[u32; 3]> = edges::groups(&edges)
@@ -49,7 +49,8 @@ pub(super) fn check(work: &mut Work) {
     work.leave(RemainingKind::Crowded, crowded.len(), [region]);
 }
 
-/// Removes the smallest sheet at each edge of three or any larger odd number of triangles, until no such edge is left.
+/// At each edge of an odd number of triangles, three or more, removes the smallest sheet, until no such edge is left. A
+/// sheet is a set of triangles connected over edges of two.
 fn drop_sheets(work: &mut Work) {
     let mut removed = 0;
     let mut regions = Vec::new();
@@ -65,7 +66,7 @@ fn drop_sheets(work: &mut Work) {
         for (triangle, &index) in work.mesh.triangles.iter().zip(&sheet) {
             areas[index as usize] += area(work.corners(*triangle));
         }
-        // The smallest sheets come first; each edge loses one of its sheets per round.
+        // The smallest sheets come first. Each edge loses at most one of its sheets per round.
         let mut around: Vec<Vec<u32>> = odd
             .iter()
             .map(|group| {
@@ -77,7 +78,7 @@ fn drop_sheets(work: &mut Work) {
         around.sort_unstable();
         around.dedup();
         let smallest = |sheets: &Vec<u32>| {
-            // A sheet that contains the edge twice would leave an odd number.
+            // If a sheet that contains the edge twice were removed, the number of triangles would still be odd.
             let once = |s: &&u32| sheets.iter().filter(|other| other == s).count() % 2 == 1;
             let by_area = |a: &&u32, b: &&u32| areas[**a as usize].total_cmp(&areas[**b as usize]).then(a.cmp(b));
             sheets.iter().filter(once).min_by(by_area).copied()
@@ -106,10 +107,10 @@ fn drop_sheets(work: &mut Work) {
     work.log(ActionKind::Sheet, removed, regions);
 }
 
-/// Pairs of triangles that belong together at an edge of four or more.
+/// For each edge of four or more triangles, the pairs of triangles that border the same part.
 type Pairs = BTreeMap<[u32; 2], Vec<[u32; 2]>>;
 
-/// Pairs up the triangles of each crowded edge, so that each pair encloses a part.
+/// Pairs up the triangles at each crowded edge: between the two of a pair lies the inside of a part.
 fn pairs(work: &Work, edges: &[Edge]) -> Pairs {
     let crowded = edges::groups(edges).filter(|group| group.len() > 2 && group.len().is_multiple_of(2));
     crowded.map(|group| ([group[0].low, group[0].high], pairs_of(work, group))).collect()
@@ -136,8 +137,8 @@ fn pairs_of(work: &Work, group: &[Edge]) -> Vec<[u32; 2]> {
     };
     let gap =
         |first: usize| -> f64 { pair_from(first).map(|[i, j]| (around[j].0 - around[i].0).rem_euclid(TAU)).sum() };
-    // In anticlockwise order, the solid lies between a triangle that runs backward along the edge and the next that
-    // runs forward.
+    // Around the edge, anticlockwise: the solid lies between a triangle that runs backward along the edge and the next
+    // triangle, which runs forward.
     let encloses = |first: usize| pair_from(first).all(|[i, j]| around[i].1.back && !around[j].1.back);
     let first = match (encloses(0), encloses(1)) {
         (true, false) => 0,
@@ -147,7 +148,8 @@ fn pairs_of(work: &Work, group: &[Edge]) -> Vec<[u32; 2]> {
     pair_from(first).map(|pair| pair.map(|i| around[i].1.triangle)).collect()
 }
 
-/// Gives each part at a vertex of a crowded edge a vertex of its own. Returns false if no vertex could be divided.
+/// At each vertex of a crowded edge, gives each part a vertex of its own. Returns false if there was nothing to
+/// separate.
 fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
     let mut at: BTreeMap<u32, Vec<u32>> = pairs.keys().flatten().map(|&vertex| (vertex, Vec::new())).collect();
     for (triangle, index) in work.mesh.triangles.iter().zip(0u32..) {
@@ -206,7 +208,7 @@ fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
     !changes.is_empty()
 }
 
-/// Divides the triangles at crowded edges at the middle of the edge, with a new vertex for each pair.
+/// Divides the triangles at each crowded edge at the middle of the edge, where each pair gets a vertex of its own.
 fn divide_edges(work: &mut Work, pairs: &Pairs) {
     let mut touched = vec![false; work.mesh.triangles.len()];
     for (&[low, high], pairs) in pairs {
@@ -228,7 +230,8 @@ fn divide_edges(work: &mut Work, pairs: &Pairs) {
     }
 }
 
-/// Moves separated vertices slightly inward, so that touching parts have a gap. The surface must face outward.
+/// Moves the separated vertices slightly inward, which leaves a gap between touching parts. The surface must face
+/// outward.
 pub(super) fn move_apart(work: &mut Work) {
     if work.split.is_empty() {
         return;
@@ -236,7 +239,7 @@ pub(super) fn move_apart(work: &mut Work) {
     let mut split = std::mem::take(&mut work.split);
     split.sort_unstable();
     split.dedup();
-    // Normal weighted by angle and area, and length of the shortest edge, of each vertex.
+    // For each vertex: sum of the unit normals, weighted by angle, and length of the shortest edge of its triangles.
     let mut around: BTreeMap<u32, (glam::DVec3, f64)> =
         split.into_iter().map(|vertex| (vertex, (glam::DVec3::ZERO, f64::INFINITY))).collect();
     for triangle in &work.mesh.triangles {

@@ -1,13 +1,13 @@
-//! Edges of a mesh: sorted edges, neighbours, components.
+//! Edges of a mesh, neighbours of triangles over them, and connected components.
 
 use rayon::slice::ParallelSliceMut;
 
 use insonify_core::anatomy::groups::Groups;
 
-/// No triangle.
+/// Index that means no triangle.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Directed edge of a triangle, with its vertices in order of index.
+/// Edge of a triangle, with its vertices in order of index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Edge {
     pub(super) low: u32,
@@ -15,28 +15,28 @@ pub(super) struct Edge {
     pub(super) triangle: u32,
     /// Position of the edge in its triangle: from corner `side` to the next one.
     pub(super) side: u8,
-    /// Whether the edge runs from the higher vertex to the lower.
+    /// Whether the triangle runs along the edge from `high` to `low`.
     pub(super) back: bool,
 }
 
 impl Edge {
-    /// Start and end, in the direction of the triangle.
+    /// Start and end of the edge in the direction of its triangle.
     pub(super) fn directed(self) -> [u32; 2] {
         if self.back { [self.high, self.low] } else { [self.low, self.high] }
     }
 }
 
-/// Edges of a triangle, in its direction.
+/// The three edges of a triangle, each in the triangle's direction.
 pub(super) fn of([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]]
 }
 
-/// An edge without direction.
+/// The edge with its lower vertex first.
 pub(super) fn undirected([a, b]: [u32; 2]) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// All edges, sorted by their vertices, so that coincident edges are adjacent.
+/// Edges of all triangles, sorted by their vertices, so that coincident edges are adjacent.
 pub(super) fn sorted(triangles: &[[u32; 3]]) -> Vec<Edge> {
     let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len());
     for (&triangle, index) in triangles.iter().zip(0u32..) {
@@ -52,18 +52,18 @@ pub(super) fn sorted(triangles: &[[u32; 3]]) -> Vec<Edge> {
     edges
 }
 
-/// Groups of edges between the same two vertices.
+/// Groups of coincident edges, in the sorted list `edges`.
 pub(super) fn groups(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
     edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
 }
 
-/// Edges with a single triangle, in the direction of that triangle.
+/// Open edges, those of a single triangle, in the direction of that triangle.
 pub(super) fn open(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = sorted(triangles);
     groups(&edges).filter(|group| group.len() == 1).map(|group| group[0].directed()).collect()
 }
 
-/// Component of each triangle, connected over edges of exactly two triangles.
+/// For each triangle, the number of its component. Edges of exactly two triangles connect components.
 pub(super) fn components(triangles: usize, edges: &[Edge]) -> Vec<u32> {
     let mut joined = Groups::new(triangles);
     for group in groups(edges) {
@@ -74,7 +74,8 @@ pub(super) fn components(triangles: usize, edges: &[Edge]) -> Vec<u32> {
     joined.numbered()
 }
 
-/// Neighbours of each triangle over its three edges; [`NONE`] at an edge that does not have exactly two triangles.
+/// For each triangle, the neighbours over its three edges; [`NONE`] at an edge that does not have exactly two
+/// triangles.
 pub(super) fn neighbours(triangles: usize, edges: &[Edge]) -> Vec<[u32; 3]> {
     let mut next = vec![[NONE; 3]; triangles];
     for group in groups(edges) {

@@ -1,4 +1,4 @@
-//! Filling of single holes.
+//! Filling of holes one by one.
 
 use std::collections::HashSet;
 
@@ -9,20 +9,20 @@ use super::planes::Plane;
 use super::polygon::{self, Border};
 use super::work::{Work, area};
 
-/// Most edges of a hole that is filled with least area.
+/// Most edges of a hole that is filled with the least area.
 const LEAST_AREA_EDGES: usize = 300;
 
-/// Cost of an edge that exists already, mm: more than any distance.
+/// Penalty of an edge that exists already, mm: more than any distance.
 const TAKEN_MM: f64 = 1e9;
 
 /// Fills holes, each with triangles between its own corners where possible.
 pub(super) struct Filler {
-    /// Edges between corners of holes that already exist. Another triangle must not use them.
+    /// Existing edges between corners of holes. New triangles must not use them again.
     taken: HashSet<[u32; 2]>,
 }
 
 impl Filler {
-    /// A filler for these holes.
+    /// A filler for `holes`, each given by its vertices.
     pub(super) fn new(work: &Work, holes: &[Vec<u32>]) -> Self {
         let mut is_rim = vec![false; work.mesh.vertices_mm.len()];
         holes.iter().flatten().for_each(|&vertex| is_rim[vertex as usize] = true);
@@ -50,7 +50,8 @@ impl Filler {
         work.mesh.triangles.extend(triangles);
     }
 
-    /// Triangulation of the hole's outline, projected onto its mean plane; `None` if the projection crosses itself.
+    /// Triangulation in the hole's mean plane; `None` if the projected outline crosses itself, or it needs an edge that
+    /// exists.
     fn in_plane(&self, work: &Work, hole: &[u32], points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         let plane = Plane { normal: newell(points).try_normalize()?, offset_mm: 0.0 };
         let triangles = polygon::triangulate(&borders(hole), &plane, |vertex| work.at(vertex))?;
@@ -59,7 +60,7 @@ impl Filler {
         (!inner.any(|edge| self.taken.contains(&edge))).then_some(triangles)
     }
 
-    /// Triangulation by repeatedly cutting off the corner with the shortest bridging edge.
+    /// Triangulation by cutting off, again and again, the corner whose new edge is shortest.
     fn ears(&self, hole: &[u32], points: &[DVec3]) -> Vec<[u32; 3]> {
         let mut left: Vec<usize> = (0..hole.len()).collect();
         let around = |left: &[usize], i: usize| {
@@ -87,7 +88,7 @@ impl Filler {
     }
 }
 
-/// Edges of a hole.
+/// Edges of a hole as directed borders.
 pub(super) fn borders(hole: &[u32]) -> Vec<Border> {
     let next = hole.iter().cycle().skip(1);
     hole.iter().zip(next).map(|(&from, &to)| Border { from, to, directed: true }).collect()
@@ -101,7 +102,7 @@ pub(super) fn newell(points: &[DVec3]) -> DVec3 {
 }
 
 /// Triangulation of a closed polygon in space with the least area, by dynamic programming (Barequet & Sharir, Comput
-/// Aided Geom Des 12:207, 1995). `None` if each triangulation needs an edge that is taken.
+/// Aided Geom Des 12:207, 1995). `None` if every triangulation needs an edge that is taken.
 fn least_area(points: &[DVec3], is_taken: &dyn Fn(usize, usize) -> bool) -> Option<Vec<[usize; 3]>> {
     let n = points.len();
     let at = |i: usize, k: usize| i * n + k;
@@ -110,7 +111,7 @@ fn least_area(points: &[DVec3], is_taken: &dyn Fn(usize, usize) -> bool) -> Opti
     for length in 2..n {
         for i in 0..n - length {
             let k = i + length;
-            // The longest chord is an edge of the rim itself.
+            // The longest chord is an edge of the polygon, so it may exist.
             if length < n - 1 && is_taken(i, k) {
                 cost[at(i, k)] = f64::INFINITY;
                 continue;
@@ -142,7 +143,7 @@ fn least_area(points: &[DVec3], is_taken: &dyn Fn(usize, usize) -> bool) -> Opti
     Some(triangles)
 }
 
-/// Triangles from the rim to a new vertex in its middle.
+/// Triangles from each edge of the hole to a new vertex in its middle.
 fn fan(work: &mut Work, hole: &[u32], points: &[DVec3]) -> Vec<[u32; 3]> {
     let centre = work.push(points.iter().sum::<DVec3>() / points.len() as f64);
     borders(hole).iter().map(|border| [border.from, border.to, centre]).collect()
@@ -160,7 +161,7 @@ mod tests {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]].map(DVec3::from_array);
         let free = least_area(&points, &|_, _| false).unwrap();
         assert_eq!(free.len(), 2);
-        // If one diagonal is taken, the other is used; if both are, there is no triangulation.
+        // If one diagonal of a quadrilateral is taken, the other is used; if both are, there is no triangulation.
         let first = least_area(&points, &|a, b| (a.min(b), a.max(b)) == (0, 2)).unwrap();
         assert!(first.iter().all(|t| t.contains(&1) && t.contains(&3)));
         assert!(least_area(&points, &|_, _| true).is_none());

@@ -1,4 +1,4 @@
-//! Self-intersections: small folds are smoothed, others reported.
+//! Crossing triangles: small folds are smoothed, other crossings reported.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,14 +11,15 @@ use super::edges::{self, of, undirected};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, region};
 
-/// Most rounds of smoothing.
+/// Largest number of rounds of smoothing; the smoothing gets stronger after each `ROUNDS_A_STEP`.
 const ROUNDS: usize = 12;
 const ROUNDS_A_STEP: usize = 3;
 
-/// Depth of the shallowest crossing that is smoothed, mm. Separating touching parts causes shallower ones.
+/// Smallest depth of a crossing that is smoothed, mm. The separation of touching parts may leave shallower ones.
 const DEPTH_MM: f64 = 0.01;
 
-/// Remaining folds are reported if there is more than one per this number of triangles: the scene check ignores fewer.
+/// The remaining folds are reported if there is more than one per this number of triangles; the scene check ignores
+/// fewer.
 const FOLDS_ONE_IN: usize = 25;
 
 /// Smooths small folds without moving a vertex by more than `max_move_mm`, and reports the remaining ones.
@@ -42,7 +43,7 @@ pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
         if seeds.is_empty() || reach_mm == 0.0 {
             break;
         }
-        // Smoothing starts weak and narrow, then gets stronger over a wider ring.
+        // Smoothing starts weak and narrow. Later it may move vertices farther, over a wider ring of triangles.
         let step = round / ROUNDS_A_STEP;
         let reach_mm = reach_mm * [0.1, 0.3, 1.0, 1.0][step.min(3)];
         pairs = smooth(work, &tree, &seeds, &pairs, reach_mm, step + 1).unwrap_or(pairs);
@@ -60,8 +61,8 @@ pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
     }
 }
 
-/// Smooths the vertices within `rings` triangles of the `seeds`. Returns the pairs that cross afterwards; `None`, with
-/// nothing changed, if they are not fewer.
+/// Smooths the vertices within `rings` triangles of the `seeds`. Returns the pairs of triangles that cross afterwards.
+/// `None`, with nothing changed, if they are not fewer than before.
 fn smooth(
     work: &mut Work,
     tree: &Tree<'_>,
@@ -116,7 +117,7 @@ fn smooth(
     None
 }
 
-/// Crossings of the triangles `some` with all others. The tree was built from the mesh before smoothing.
+/// Pairs of crossing triangles with at least one of `some`. The tree was built from the mesh before smoothing.
 fn crossings_of(mesh: &Mesh, tree: &Tree<'_>, some: &[u32], is_some: &BTreeSet<u32>, reach_mm: f32) -> Vec<Pair> {
     let mut found = Vec::new();
     for &t in some {

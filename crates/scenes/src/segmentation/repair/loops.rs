@@ -1,18 +1,18 @@
-//! Loops of open edges.
+//! Loops of open edges, those of a single triangle.
 
 use std::collections::{BTreeMap, HashMap};
 
 use super::edges;
 
-/// Simple loops of open edges, each in the direction of the triangles that would close it.
+/// Simple loops of open edges, as vertices in the direction of the triangles that would close the loop.
 ///
-/// Open edges that form no loop because the winding is inconsistent are left out.
+/// Open edges that form no loop, because the winding is inconsistent, are left out.
 pub(super) fn loops(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut next = BTreeMap::<u32, Vec<u32>>::new();
     for [from, to] in edges::open(triangles) {
         next.entry(to).or_default().push(from);
     }
-    // The lowest vertex is at the end of the list, so it is taken first.
+    // The lowest vertex is at the end of each list, so it is taken first.
     next.values_mut().for_each(|list| list.sort_unstable_by(|a, b| b.cmp(a)));
     let starts: Vec<u32> = next.keys().copied().collect();
     let mut found = Vec::new();

@@ -40,21 +40,22 @@ pub use report::{Action, ActionKind, Remaining, RemainingKind, SurfaceRepair};
 use insonify_core::anatomy::Mesh;
 use work::{Work, region};
 
-/// Most passes of closing: filling a hole may create an edge of four triangles, which is divided in the next pass.
+/// Largest number of passes of closing. Filling a hole may create an edge of four triangles, which the next pass
+/// divides.
 const PASSES: usize = 3;
 
 /// Settings of a repair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RepairSettings {
-    /// Distance within which vertices are joined, mm.
+    /// Largest distance at which vertices are joined, mm.
     pub weld_mm: f64,
-    /// Distance within which rims are joined, mm; limited to a quarter of the mean rim edge.
+    /// Largest distance at which vertices of rims are joined, mm; limited to a quarter of the mean rim edge.
     pub weld_rims_mm: f64,
     /// Largest distance by which a vertex may be moved, mm.
     pub max_move_mm: f64,
     /// Size up to which a hole counts as small, mm. Larger holes that are not planar are reported as guesses.
     pub small_hole_mm: f64,
-    /// Volume relative to the largest part, below which a part is a fragment and is removed.
+    /// Share of the largest part's volume below which a part is a fragment and is removed.
     pub fragment_share: f64,
 }
 
@@ -64,7 +65,7 @@ impl Default for RepairSettings {
     }
 }
 
-/// Repairs a surface, in mm. Returns the mended mesh, empty if nothing encloses a volume, and the report.
+/// Repairs a surface. Returns the mended mesh, mm, and the report. The mesh is empty if no part encloses a volume.
 ///
 /// A triangle with a vertex index out of range is treated like one with a vertex that is not finite.
 pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, SurfaceRepair) {
@@ -113,7 +114,7 @@ fn finish(name: &str, before: usize, mut work: Work) -> (Mesh, SurfaceRepair) {
     (work.mesh, report)
 }
 
-/// Actions with each kind merged into one entry, in the order of first occurrence.
+/// Actions with one entry per kind, in the order of first occurrence.
 fn merged(actions: Vec<Action>) -> Vec<Action> {
     let mut merged: Vec<Action> = Vec::new();
     for action in actions {

@@ -7,11 +7,11 @@ use super::edges::{self, NONE, of};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, area, region, volume};
 
-/// Most corners at which the surroundings of a part are sampled.
+/// Most corners of a part at which the parts around it are sought.
 const CORNERS_SAMPLED: usize = 33;
 
-/// Makes the winding of each component consistent, turning over as little area as possible. Returns the number of
-/// edges where that is impossible.
+/// Makes the winding of each component consistent by turning over triangles of the least area. Returns the number of
+/// edges at which that is impossible.
 pub(super) fn make_consistent(work: &mut Work) -> usize {
     let edges = edges::sorted(&work.mesh.triangles);
     let next = edges::neighbours(work.mesh.triangles.len(), &edges);
@@ -47,7 +47,7 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
                 }
             }
         }
-        // Turning over all other triangles instead has the same effect.
+        // Turning over the other triangles of the component instead has the same effect, so the smaller area is chosen.
         let area_of = |want: bool| -> f64 {
             let wanted = queue.iter().filter(|&&t| turn[t as usize] == Some(want));
             wanted.map(|&t| area(work.corners(work.mesh.triangles[t as usize]))).sum()
@@ -60,11 +60,11 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
     let region = work.region_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
     turned.iter().for_each(|&t| work.mesh.triangles[t as usize].swap(1, 2));
     work.log(ActionKind::Turned, turned.len(), [region]);
-    // Each conflict is counted from both sides of its edge.
+    // Each conflict was counted twice, from both triangles at its edge.
     conflicts / 2
 }
 
-/// Reports edges between triangles that face opposite ways.
+/// Reports edges between triangles that face opposite ways as remaining defects.
 pub(super) fn check(work: &mut Work) {
     let edges = edges::sorted(&work.mesh.triangles);
     let alike: Vec<[u32; 3]> = edges::groups(&edges)
@@ -75,7 +75,7 @@ pub(super) fn check(work: &mut Work) {
     work.leave(RemainingKind::OneSided, alike.len(), [region]);
 }
 
-/// A component of the surface, connected over edges.
+/// A component of the surface: triangles connected over edges.
 pub(super) struct Part {
     pub(super) bounds: Bounds,
     /// Some corners of the part, spread evenly over its triangles.
@@ -84,11 +84,11 @@ pub(super) struct Part {
     pub(super) area_mm2: f64,
     /// Signed volume, mm³: positive if the part faces outward.
     pub(super) volume_mm3: f64,
-    /// Whether the part has an edge without a partner.
+    /// Whether the part has an open edge.
     pub(super) open: bool,
 }
 
-/// Components of a mesh, and the component of each triangle.
+/// Components of a mesh, and for each triangle the index of its component.
 pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
     let edges = edges::sorted(&mesh.triangles);
     let part_of = edges::components(mesh.triangles.len(), &edges);
@@ -123,7 +123,7 @@ pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
     (parts, part_of)
 }
 
-/// Turns parts over so that they face outward. Parts within an odd number of others are cavities and face inward.
+/// Turns parts over so that they face outward. Parts within an odd number of other parts are cavities and face inward.
 pub(super) fn face_outward(work: &mut Work) {
     drop_doubled(work);
     let (parts, part_of) = parts(&work.mesh);
@@ -137,8 +137,7 @@ pub(super) fn face_outward(work: &mut Work) {
             _ => {}
         }
     }
-    // If every part faces the wrong way, the whole surface was inside out, and its cavities were correct relative to
-    // it.
+    // If every part faces the wrong way, the whole surface was inside out: its cavities count as turned parts.
     if turned.len() + cavities.len() == parts.len() {
         turned.append(&mut cavities);
         turned.sort_unstable();
@@ -156,10 +155,10 @@ pub(super) fn face_outward(work: &mut Work) {
     work.log(ActionKind::Cavity, cavities.len(), cavities_at);
 }
 
-/// Smallest volume of a part, relative to the part around it, at which both are one surface drawn twice.
+/// Volume of a part, relative to that of a part around it, from which both count as one surface drawn twice.
 const DOUBLED_SHARE: f64 = 0.9;
 
-/// Removes parts just within another part that faces the same way: a surface that was exported twice, slightly offset.
+/// Removes parts just within another part that faces the same way: surfaces that were exported twice, slightly offset.
 /// A cavity faces the other way.
 fn drop_doubled(work: &mut Work) {
     let (parts, part_of) = parts(&work.mesh);
@@ -181,7 +180,7 @@ fn drop_doubled(work: &mut Work) {
     work.log(ActionKind::Doubled, regions.len(), regions);
 }
 
-/// For each part, the other parts that enclose it, by its sampled corners.
+/// For each part, the indices of the closed parts that enclose it, judged by its sampled corners.
 fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
     let tree = if parts.len() > 1 { Tree::new(mesh) } else { None };
     let Some(tree) = tree else { return vec![Vec::new(); parts.len()] };
@@ -192,7 +191,7 @@ fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
             .filter(|&other| {
                 let in_other = |t: u32| part_of[t as usize] as usize == other;
                 let held = part.corners.iter().filter(|c| tree.winding(c.as_dvec3(), in_other) != 0).count();
-                // Where parts touch, sampled corners may be on either side.
+                // Nine tenths suffice: where parts touch, a corner may be on either side.
                 10 * held >= 9 * part.corners.len()
             })
             .collect()

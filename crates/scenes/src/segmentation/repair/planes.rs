@@ -1,36 +1,36 @@
-//! Planes along which a surface was cut.
+//! Planes along which a surface was cut, found from its rims: loops of open edges.
 
 use glam::DVec3;
 
-/// Smallest sine of the angle between two planes that share an edge of a cut.
+/// Smallest sine of the angle between two planes that intersect in an edge of a box.
 const SINE_MIN: f64 = 0.2;
 
-/// Largest sine of the angle between opposite faces of a box, and their smallest distance relative to the size of the
-/// loop.
+/// Conditions for opposite faces of a box: largest sine of the angle between them, and smallest distance relative to
+/// the size of the loop.
 const PARALLEL_SINE: f64 = 1e-3;
 const APART_PART: f64 = 0.05;
 
 /// Most planes of one loop: the six sides of a box.
 const PLANES_MAX: usize = 6;
 
-/// Fewest edges of a bent loop on one of its planes, and their smallest length relative to the loop's.
+/// Fewest edges of a loop on each of its planes, and their smallest length relative to the loop's.
 const EDGES_MIN: usize = 3;
 const PLANE_PART: f64 = 0.03;
 
-/// Most known planes that a loop is compared with.
+/// Largest number of known planes that a loop is compared with.
 pub(super) const PLANES_REUSED: usize = 256;
 
-/// Most arcs of a bent loop.
+/// Most arcs of a loop, runs of edges in one plane.
 const ARCS_MAX: usize = 100;
 
-/// Fewest edges of a loop with notches, and largest total length of the notches relative to the loop's.
+/// Fewest edges of a loop with notches, and largest total length of its notches relative to the loop's.
 const NOTCHED_EDGES_MIN: usize = 12;
 const NOTCHED_PART: f64 = 0.3;
 
-/// Number of positions along a loop from which planes are fitted.
+/// Number of positions along a loop at which runs of points for fitted planes begin.
 const STARTS: usize = 48;
 
-/// A plane: points `p` with `normal · p = offset_mm`.
+/// A plane: the points `p` with `normal · p = offset_mm`; the normal is a unit vector.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plane {
     pub(super) normal: DVec3,
@@ -38,7 +38,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Plane through three distant points of the set; `None` if all points lie within `within_mm` of a line.
+    /// Plane through three distant points of `points`; `None` if all points lie nearly on a line.
     pub(super) fn through(points: &[DVec3], within_mm: f64) -> Option<Self> {
         let first = *points.first()?;
         let farthest = |from: &dyn Fn(DVec3) -> f64| {
@@ -67,7 +67,7 @@ impl Plane {
     }
 }
 
-/// Intersection of three planes; `None` if they have no single common point.
+/// Common point of three planes; `None` if they have none, or an uncertain one.
 pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
     let volume = a.normal.dot(b.normal.cross(c.normal));
     if volume.abs() < SINE_MIN * SINE_MIN {
@@ -77,20 +77,21 @@ pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
     Some((bc * a.offset_mm + ca * b.offset_mm + ab * c.offset_mm) / volume)
 }
 
-/// Planes that contain most edges of a loop.
+/// A choice of planes that together contain most edges of a loop.
 struct Cover {
-    /// Number of candidates that were already known; these come first.
+    /// Number of candidates, the first ones, that were known before.
     known: usize,
     candidates: Vec<Plane>,
-    /// Edges that lie in each candidate.
+    /// For each candidate, whether it contains each edge of the loop.
     covers: Vec<Vec<bool>>,
     /// Indices of the chosen candidates, best first.
     chosen: Vec<usize>,
-    /// Edges that lie in none of the chosen planes.
+    /// For each edge, whether no chosen plane contains it.
     left: Vec<bool>,
 }
 
-/// Chooses up to six planes that contain most edges, among the `known` planes and planes fitted to runs of the loop.
+/// Chooses up to six planes that contain most edges of a loop. Candidates are the `known` planes, and planes fitted to
+/// runs of the loop.
 fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
     let count = points.len();
     let next = |i: usize| (i + 1) % count;
@@ -98,7 +99,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let near: Vec<bool> = points.iter().map(|p| plane.distance_mm(*p) <= within_mm).collect();
         (0..count).map(|i| near[i] && near[next(i)]).collect()
     };
-    // The planes of the largest rims come first.
+    // The first ones belong to the largest rims.
     let known = &known[..known.len().min(PLANES_REUSED)];
     let mut candidates = known.to_vec();
     candidates.extend(windows(points, within_mm));
@@ -107,13 +108,13 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
     let (mut chosen, mut left) = (Vec::new(), vec![true; count]);
     while left.contains(&true) && chosen.len() < PLANES_MAX {
         let gain = |c: usize| covers[c].iter().zip(&left).filter(|(on, left)| **on && **left).count();
-        // Opposite faces of a box are far apart; planes that nearly coincide are one.
+        // A plane that nearly coincides with a chosen one is left out; opposite faces of a box are far apart.
         let fits = |c: &usize| {
             chosen.iter().all(|other: &usize| {
                 meet(&candidates[*c], &candidates[*other]) || are_apart(&candidates[*c], &candidates[*other], points)
             })
         };
-        // Of equally good candidates, the first one.
+        // The first of equally good candidates is taken.
         let best = (0..candidates.len()).filter(fits).max_by_key(|&c| (gain(c), std::cmp::Reverse(c)));
         let length = |c: usize| -> f64 {
             let gained = (0..count).filter(|&i| covers[c][i] && left[i]);
@@ -122,7 +123,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let is_enough = |c: &usize| *c < known.len() || (gain(*c) >= EDGES_MIN && length(*c) >= PLANE_PART * total);
         let is_enough = |c: &usize| gain(*c) > 0 && is_enough(c);
         let Some(best) = best.filter(is_enough) else { break };
-        // A plane fitted to all its points is better than one fitted to a short run.
+        // A plane fitted to all points that it contains is better than the one fitted to a short run.
         if best >= known.len() {
             let held: Vec<DVec3> =
                 (0..count).filter(|&i| covers[best][i]).flat_map(|i| [points[i], points[next(i)]]).collect();
@@ -137,10 +138,10 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
     Cover { known: known.len(), candidates, covers, chosen, left }
 }
 
-/// Planes that together contain every edge of a loop that is not planar, such as a loop around the edge of a box.
-/// Returns the plane of each edge as an index into `known`; `None` if there are no such planes.
+/// Planes that together contain every edge of a loop that lies in no single plane, such as a loop around the edge of a
+/// box. Returns the plane of each edge as an index into `known`; `None` if there are no such planes.
 ///
-/// `known` are planes of other loops, which are preferred; new planes are appended to it.
+/// `known` are planes of other loops, which are preferred. New planes are appended to it.
 pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64) -> Option<Vec<usize>> {
     let count = points.len();
     if count < 2 * EDGES_MIN {
@@ -164,17 +165,17 @@ pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64)
     Some(assigned.into_iter().map(|c| index[c]).collect())
 }
 
-/// A short run of edges that leave the planes of the remaining loop.
+/// Notch of a loop: a short run of edges off the planes of the other edges.
 pub(super) struct Notch {
-    /// First and last corner of the run, both in a plane.
+    /// Indices of the run's first and last corner; both lie in a plane of the loop.
     pub(super) start: usize,
     pub(super) end: usize,
-    /// Point near the run on the intersection of the planes of both corners; `None` if both corners lie in one plane.
+    /// If these corners lie in different planes: point near the run on the planes' intersection line.
     pub(super) via: Option<DVec3>,
 }
 
-/// Notches of a loop: for example where triangles are missing at a cut, or where an edge cuts across the edge of a
-/// box.
+/// Notches of a loop. They occur, for example, where triangles are missing at a cut, or where an edge of the mesh cuts
+/// across an edge of the box. Empty if notches can't explain the loop.
 pub(super) fn notches(points: &[DVec3], known: &[Plane], within_mm: f64) -> Vec<Notch> {
     let count = points.len();
     if count < NOTCHED_EDGES_MIN {
@@ -206,7 +207,7 @@ pub(super) fn notches(points: &[DVec3], known: &[Plane], within_mm: f64) -> Vec<
     starts.map(notch).collect::<Option<Vec<Notch>>>().unwrap_or_default()
 }
 
-/// Point on the intersection line of two planes that is nearest to `point`.
+/// Point nearest to `point` on the intersection line of two planes; `None` if they are nearly parallel.
 fn nearest_of_both(p: &Plane, q: &Plane, point: DVec3) -> Option<DVec3> {
     if !meet(p, q) {
         return None;
@@ -217,7 +218,7 @@ fn nearest_of_both(p: &Plane, q: &Plane, point: DVec3) -> Option<DVec3> {
     Some(point + scale * ((to_p - cosine * to_q) * p.normal + (to_q - cosine * to_p) * q.normal))
 }
 
-/// Whether two planes are parallel, and distant relative to the extent of `points`.
+/// Whether two planes are parallel, and far apart relative to the extent of `points`.
 fn are_apart(p: &Plane, q: &Plane, points: &[DVec3]) -> bool {
     let sine = p.normal.cross(q.normal).length();
     let offset = p.normal.dot(q.normal).signum() * q.offset_mm;
@@ -230,7 +231,8 @@ pub(super) fn meet(p: &Plane, q: &Plane) -> bool {
     p.normal.cross(q.normal).length() >= SINE_MIN
 }
 
-/// Plane of each edge. If several planes contain it, the plane of the edge before is kept.
+/// Index of a plane for each edge. Where several planes contain an edge, it has the plane of the edge before it. `None`
+/// if an edge has no plane, or none has exactly one.
 fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<usize>> {
     let holding = |i: usize| chosen.iter().copied().filter(move |&c| covers[c][i]);
     let first = (0..count).find(|&i| holding(i).count() == 1)?;
@@ -245,7 +247,7 @@ fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<us
     Some(assigned)
 }
 
-/// Planes fitted to runs of consecutive points of a loop.
+/// Planes fitted to runs of consecutive points of a loop, of different lengths.
 fn windows(points: &[DVec3], within_mm: f64) -> Vec<Plane> {
     let count = points.len();
     let step = count.div_ceil(STARTS).max(1);

@@ -10,21 +10,22 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 use super::edges::{of, undirected};
 use super::planes::Plane;
 
-/// Magnitude below which coordinates are set to zero for the triangulation.
+/// Coordinates smaller than this are set to zero, as the triangulation requires.
 const TINY: f64 = 1e-30;
 
-/// Border edge of a flat region.
+/// Border edge of a region in a plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Border {
     pub(super) from: u32,
     pub(super) to: u32,
-    /// Whether a triangle must run along the edge in this direction; either direction suits otherwise.
+    /// Whether the triangle at this edge must run from `from` to `to`; otherwise either direction will do.
     pub(super) directed: bool,
 }
 
-/// Triangles of the region inside the `borders`, which form closed outlines. One outline within another is a hole.
+/// Triangles of the region of `plane` inside the `borders`, which form closed outlines. An outline within another is a
+/// hole.
 ///
-/// No vertices are added. `None` if the outlines cross or touch each other, so that they enclose no region.
+/// No vertices are added. `None` if the outlines cross or touch each other, so that they enclose no clear region.
 pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) -> DVec3) -> Option<Vec<[u32; 3]>> {
     let across = plane.normal.any_orthonormal_vector();
     let up = plane.normal.cross(across);
@@ -40,7 +41,7 @@ pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) ->
         let flat = DVec2::new(out.dot(across), out.dot(up));
         let [x, y] = flat.to_array().map(|c| if c.abs() < TINY { 0.0 } else { c });
         let handle = cdt.insert(Point2::new(x, y)).ok()?;
-        // Two coincident vertices cannot both be part of the region.
+        // Two coincident vertices: the outline touches itself.
         if vertex_of.insert(handle, vertex).is_some() {
             return None;
         }
@@ -55,7 +56,7 @@ pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) ->
         cdt.add_constraint(from, to);
     }
     if cdt.num_constraints() != outline.len() {
-        // An edge passes through a vertex.
+        // An edge of the outline passes through a vertex.
         return None;
     }
     let triangles = inside(&cdt).into_iter().map(|face| {
@@ -67,12 +68,12 @@ pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) ->
     is_bordered_by(&triangles, &outline).then_some(triangles)
 }
 
-/// Faces inside the outlines: the path from outside crosses an odd number of them.
+/// Faces inside the outlines. A path to them from outside crosses an odd number of outline edges.
 fn inside(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Vec<FixedFaceHandle<spade::handles::InnerTag>> {
     let mut is_inside = HashMap::new();
     let mut queue = VecDeque::new();
     for edge in cdt.convex_hull() {
-        // Edges of the convex hull have the outer face on one side.
+        // On one side of a hull edge is the outer face; the face on its other side is taken.
         let edge = if edge.face().is_outer() { edge.rev() } else { edge };
         if let Some(face) = edge.face().as_inner() {
             let odd = edge.is_constraint_edge();
@@ -91,12 +92,12 @@ fn inside(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Vec<FixedFaceH
             }
         }
     }
-    // Faces in the order of the triangulation.
+    // Faces are listed in the order of the triangulation, not of the hash map.
     let faces = cdt.inner_faces().map(|face| face.fix());
     faces.filter(|face| is_inside.get(face).copied().unwrap_or(false)).collect()
 }
 
-/// Turns each connected region of triangles over if that suits the direction of more borders.
+/// Turns over each connected region of triangles that runs against most of its directed borders.
 fn along(borders: &[Border], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     let directed: HashSet<[u32; 2]> = borders.iter().filter(|b| b.directed).map(|b| [b.from, b.to]).collect();
     let edges = super::edges::sorted(&triangles);
@@ -116,7 +117,7 @@ fn along(borders: &[Border], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// Whether the open edges of the triangles are exactly the outline.
+/// Whether the open edges of the triangles are exactly the edges of the outline.
 fn is_bordered_by(triangles: &[[u32; 3]], outline: &HashSet<[u32; 2]>) -> bool {
     let rim: Vec<[u32; 2]> = super::edges::open(triangles).into_iter().map(undirected).collect();
     rim.len() == outline.len() && rim.iter().all(|edge| outline.contains(edge))

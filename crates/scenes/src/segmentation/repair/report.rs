@@ -18,7 +18,7 @@ macro_rules! kinds {
         }
 
         impl $type {
-            /// Noun of the counted things, and their outcome.
+            /// Noun of what was counted, and what was done to it or what remains to do.
             fn words(self) -> (&'static str, &'static str) {
                 match self { $(Self::$name => ($noun, $rest),)* }
             }
@@ -86,7 +86,7 @@ kinds! {
     }
 }
 
-/// One kind of action of the repair.
+/// All actions of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Action {
     /// Kind of the action.
@@ -131,7 +131,7 @@ pub struct SurfaceRepair {
 }
 
 impl SurfaceRepair {
-    /// Number of things changed by one kind of action.
+    /// Number of things changed by actions of one kind.
     pub fn count(&self, kind: ActionKind) -> usize {
         self.actions.iter().filter(|action| action.kind == kind).map(|action| action.count).sum()
     }
@@ -147,7 +147,7 @@ impl SurfaceRepair {
     }
 }
 
-/// Writes a count with its noun, the outcome, and the regions.
+/// Writes one line: a count with its noun, what was done, and the regions.
 fn line(
     f: &mut fmt::Formatter<'_>,
     count: usize,

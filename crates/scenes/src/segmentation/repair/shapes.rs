@@ -19,7 +19,7 @@ pub(super) fn sphere(radius_mm: f64, levels: u32) -> Mesh {
     for i in 0..4 {
         points.push(DVec3::new(points[i].y, 0.0, points[i].x));
     }
-    // Each face is three corners of the icosahedron at the shortest distance from each other.
+    // The faces are the triples of icosahedron corners with the shortest distances between them.
     let near = |a: usize, b: usize| points[a].distance(points[b]) < 2.1;
     let mut triangles: Vec<[u32; 3]> = Vec::new();
     for a in 0..12 {
@@ -67,7 +67,7 @@ pub(super) fn tube(radius_mm: f64, half_length_mm: f64, around: u32, along: u32)
     Mesh { vertices_mm, triangles }
 }
 
-/// An axis-aligned cuboid of `n × n` squares on each side, facing outward.
+/// An axis-aligned cuboid with `n × n` squares on each side, facing outward; `half` are its half edges.
 pub(super) fn cuboid(centre: Vec3, half: Vec3, n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -91,7 +91,7 @@ pub(super) fn cuboid(centre: Vec3, half: Vec3, n: u32) -> Mesh {
     welded(mesh)
 }
 
-/// The mesh with coincident vertices merged.
+/// The mesh with coincident vertices joined.
 pub(super) fn welded(mesh: Mesh) -> Mesh {
     let mut at = HashMap::new();
     let mut vertices_mm = Vec::new();
@@ -105,7 +105,7 @@ pub(super) fn welded(mesh: Mesh) -> Mesh {
     Mesh { vertices_mm, triangles: mesh.triangles.iter().map(|t| t.map(|v| index[v as usize])).collect() }
 }
 
-/// The mesh with three vertices of its own for each triangle.
+/// The mesh with three vertices for each triangle, shared with no other.
 pub(super) fn unwelded(mesh: &Mesh) -> Mesh {
     let vertices_mm: Vec<Vec3> = mesh.corners_mm().flatten().collect();
     let triangles = (0..mesh.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -155,7 +155,7 @@ pub(super) fn both(a: &Mesh, b: &Mesh) -> Mesh {
     mesh
 }
 
-/// The mesh moved.
+/// The mesh moved by `by`.
 pub(super) fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
     mesh.vertices_mm.iter_mut().for_each(|v| *v += by);
     mesh
@@ -167,7 +167,7 @@ pub(super) fn flipped(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-/// Numbers in [0, 1), the same in every run.
+/// Pseudo-random numbers in [0, 1) from a seed.
 pub(super) struct Numbers(pub(super) u64);
 
 impl Numbers {

@@ -6,12 +6,12 @@ use super::edges::{self, undirected};
 use super::report::ActionKind;
 use super::work::{Work, region};
 
-/// Direction that is parallel to no axis and no common diagonal: few vertices of a grid have the same coordinate along
-/// it.
+/// Direction along which vertices are sorted. It is parallel to no axis and no common diagonal, so few vertices of a
+/// grid have the same coordinate along it.
 const SLANTED: DVec3 = DVec3::new(0.361, 0.829, 0.427);
 
-/// Joins all vertices that are closer than `within_mm`, then rims that are closer than `rims_within_mm`, limited to a
-/// quarter of the mean rim edge.
+/// Joins all vertices at most `within_mm` apart, then vertices of rims at most `rims_within_mm` apart. The latter
+/// distance is limited to a quarter of the mean rim edge.
 pub(super) fn weld(work: &mut Work, within_mm: f64, rims_within_mm: f64) {
     let all: Vec<u32> = (0..work.mesh.vertices_mm.len() as u32).collect();
     join(work, all, within_mm, &[]);
@@ -28,12 +28,12 @@ pub(super) fn weld(work: &mut Work, within_mm: f64, rims_within_mm: f64) {
     join(work, rim, rims_within_mm.min(0.25 * mean), &joined);
 }
 
-/// Joins each of `candidates` with the first one within the tolerance. The two ends of an edge in `apart` (sorted) are
-/// not joined: short edges along a rim are part of its shape.
+/// Joins each of the vertices `candidates` with the first one at most `within_mm` away. The two ends of an edge in
+/// `apart` (sorted) are not joined: short edges along a rim are part of its shape.
 fn join(work: &mut Work, candidates: Vec<u32>, within_mm: f64, apart: &[[u32; 2]]) {
     let mut along: Vec<(f64, u32)> = candidates.into_iter().map(|v| (work.at(v).dot(SLANTED), v)).collect();
     along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    // The direction is slightly longer than a unit vector.
+    // `SLANTED` is not exactly of unit length.
     let reach = within_mm * 1.01;
     let mut target: Vec<u32> = (0..work.mesh.vertices_mm.len() as u32).collect();
     let mut joined = Vec::new();

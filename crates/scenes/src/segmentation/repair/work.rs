@@ -6,16 +6,16 @@ use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::report::{Action, ActionKind, Remaining, RemainingKind};
 
-/// A mesh under repair, with the log of what was done to it.
+/// A mesh under repair, and the log of the repair.
 pub(super) struct Work {
     pub(super) mesh: Mesh,
-    /// Original position of each vertex, mm; for vertices that the repair added, their current position.
+    /// Original position of each vertex, mm; for a vertex that the repair added, the position at which it was added.
     pub(super) home_mm: Vec<Vec3>,
-    /// Vertices that were separated from coincident ones.
+    /// Vertices that were separated from each other, but still coincide.
     pub(super) split: Vec<u32>,
     pub(super) actions: Vec<Action>,
     pub(super) remaining: Vec<Remaining>,
-    /// Largest move by joining vertices, mm.
+    /// Upper bound of the moves by joining vertices, mm.
     pub(super) joined_mm: f32,
 }
 
@@ -64,19 +64,19 @@ impl Work {
         }
     }
 
-    /// Logs a remaining defect, unless its count is zero.
+    /// Logs a defect that remains, unless its count is zero.
     pub(super) fn leave(&mut self, kind: RemainingKind, count: usize, regions: impl IntoIterator<Item = Region>) {
         if count > 0 {
             self.remaining.push(Remaining { kind, count, regions: largest(regions) });
         }
     }
 
-    /// Region of some triangles.
+    /// Region of some triangles, given by their vertices.
     pub(super) fn region_of(&self, triangles: impl IntoIterator<Item = [u32; 3]>) -> Region {
         region(triangles.into_iter().flatten().map(|vertex| self.mesh.vertices_mm[vertex as usize]))
     }
 
-    /// Upper bound of the largest move of a vertex, mm: a vertex may have been joined and then moved.
+    /// Upper bound of the largest move of a vertex, mm. A vertex may have been joined first and then moved.
     pub(super) fn largest_move_mm(&self) -> f32 {
         let moved = self.mesh.vertices_mm.iter().zip(&self.home_mm).map(|(now, home)| now.distance(*home));
         self.joined_mm + moved.fold(0.0, f32::max)

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::{Image, LabelMap};
 
 impl LabelMap {
-    /// The same voxels with axes permuted and reversed so that i, j and k run nearest to left, posterior and superior.
+    /// The volume with axes permuted and reversed such that i, j and k run as nearly as possible to left, posterior and
+    /// superior.
     pub fn canonical(mut self) -> Self {
         let order = Order::of(self.lps_from_voxel, self.size);
         self.layers = self.layers.into_iter().map(|layer| order.apply(layer)).collect();
@@ -16,7 +17,8 @@ impl LabelMap {
 }
 
 impl Image {
-    /// The same voxels with axes permuted and reversed so that i, j and k run nearest to left, posterior and superior.
+    /// The volume with axes permuted and reversed such that i, j and k run as nearly as possible to left, posterior and
+    /// superior.
     pub fn canonical(mut self) -> Self {
         let order = Order::of(self.lps_from_voxel, self.size);
         self.values = order.apply(self.values);
@@ -25,7 +27,7 @@ impl Image {
     }
 }
 
-/// Source axis of each new axis, and whether the axis is reversed.
+/// For each new axis, the old axis that becomes it, and whether that axis is reversed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Order {
     axes: [usize; 3],
@@ -34,7 +36,7 @@ struct Order {
 }
 
 impl Order {
-    /// The order in which the axes are, in total, nearest to left, posterior and superior.
+    /// The order with the largest sum of absolute cosines between the axes and left, posterior and superior.
     fn of(lps_from_voxel: DAffine3, old_size: [usize; 3]) -> Self {
         let directions = [0, 1, 2].map(|axis| lps_from_voxel.matrix3.col(axis).normalize_or_zero());
         let along = |axes: [usize; 3]| (0..3).map(|new| directions[axes[new]][new].abs()).sum::<f64>();
@@ -60,7 +62,7 @@ impl Order {
             if reversed {
                 first[old] = (self.old_size[old] - 1) as f64;
             }
-            // Subtraction instead of negation, which would give -0.
+            // A subtraction, since negation would give -0.
             if reversed { DVec3::ZERO - column } else { column }
         });
         let [x, y, z] = columns;
@@ -73,7 +75,7 @@ impl Order {
         }
         let strides = [1, self.old_size[0], self.old_size[0] * self.old_size[1]];
         let size = self.size();
-        // Index in the old data of the value at index `at` along the new axis.
+        // Contribution of the index `at` along the new axis to the index of a value in the old data.
         let part =
             |new: usize, at: usize| strides[self.axes[new]] * if self.reversed[new] { size[new] - 1 - at } else { at };
         let mut moved = vec![T::default(); old.len()];
@@ -108,7 +110,7 @@ mod tests {
         }
     }
 
-    /// A copy of `whole`: axis `new` of the copy is the original axis `axes[new]`, reversed if `reversed[new]`.
+    /// A copy of `whole` whose axis `new` is the original axis `axes[new]`, reversed if `reversed[new]`.
     fn rearranged(whole: &LabelMap, axes: [usize; 3], reversed: [bool; 3]) -> LabelMap {
         let order = Order { axes, reversed, old_size: whole.size };
         let labels = order.apply(whole.layers[0].clone());

@@ -12,7 +12,7 @@ use insonify_core::files::NoMemory;
 pub struct VolumeError {
     /// File.
     pub path: PathBuf,
-    /// Fault in it.
+    /// Fault in the file.
     pub fault: VolumeFault,
 }
 
@@ -31,7 +31,7 @@ pub enum VolumeFault {
     /// Damaged compressed data.
     #[error("the gzip data is damaged: {0}")]
     Gzip(std::io::Error),
-    /// A file of another format.
+    /// A file of another kind.
     #[error(
         "{found}; label maps and images are read from NIfTI (.nii, .nii.gz, .hdr with .img) and NRRD (.nrrd, .nhdr, \
          .seg.nrrd) files{remedy}"
@@ -50,23 +50,23 @@ pub enum VolumeFault {
     Unsupported {
         /// Feature.
         what: String,
-        /// Advice.
+        /// Advice to the user.
         remedy: &'static str,
     },
     /// Missing bytes at the end.
     #[error("truncated: {part}: {expected} bytes expected, {found} found")]
     Truncated {
-        /// Part of the file.
+        /// Part of the file that ends early.
         part: &'static str,
-        /// Bytes that the header announces.
+        /// Number of bytes that the header announces.
         expected: u64,
-        /// Bytes found.
+        /// Number of bytes found.
         found: u64,
     },
     /// More data than the header announces.
     #[error("the data is longer than the {expected} bytes that the header's sizes and type take; one of them is wrong")]
     Surplus {
-        /// Bytes that the header announces.
+        /// Number of bytes that the header announces.
         expected: u64,
     },
     /// A size over a limit.
@@ -84,7 +84,7 @@ pub enum VolumeFault {
         "it has {found} layers; at most {limit} are read: save fewer segments, or collapse the layers in 3D Slicer"
     )]
     Layers {
-        /// Layers found.
+        /// Number of layers found.
         found: usize,
         /// Limit.
         limit: usize,
@@ -108,7 +108,7 @@ pub enum VolumeFault {
          nibabel reads) or `--prefer qform`, else write the file anew with the program that made it"
     )]
     Forms {
-        /// Kind of disagreement.
+        /// What the two contradict each other about.
         what: String,
     },
     /// Voxels of impossible size or shape.
@@ -117,7 +117,7 @@ pub enum VolumeFault {
          likely cause"
     )]
     Degenerate {
-        /// Finding.
+        /// Description of the size or shape.
         what: String,
         /// Unit of length that the header states.
         unit: &'static str,
@@ -131,7 +131,7 @@ pub enum VolumeFault {
     NotLabels {
         /// Indices i, j, k of the voxel.
         voxel: [usize; 3],
-        /// Its value.
+        /// Value of that voxel.
         value: f64,
     },
     /// A label outside 0..=65535.
@@ -142,7 +142,7 @@ pub enum VolumeFault {
     LabelRange {
         /// Indices i, j, k of the voxel.
         voxel: [usize; 3],
-        /// Its value.
+        /// Value of that voxel.
         value: String,
     },
     /// A value in an ASCII-encoded file that isn't a number of the stated type.

@@ -5,19 +5,19 @@ use std::io::Write as _;
 /// Sizes of the test volumes.
 pub(super) const SIZE: [usize; 3] = [4, 3, 2];
 
-/// Labels of the test volumes: all different.
+/// Labels of the test volumes: each voxel has its index.
 pub(super) fn labels() -> Vec<u16> {
     (0..24).collect()
 }
 
-/// Data in one gzip member.
+/// `bytes` compressed with gzip.
 pub(super) fn gzipped(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
 }
 
-/// `value` as a NIfTI datatype.
+/// Bytes of `value`, stored as the NIfTI type `datatype`.
 pub(super) fn encoded(datatype: i16, big_endian: bool, value: f64) -> Vec<u8> {
     let mut bytes = match datatype {
         2 => (value as u8).to_le_bytes().to_vec(),
@@ -75,7 +75,7 @@ impl Default for Nifti {
 }
 
 impl Nifti {
-    /// The whole file, or the header of a pair.
+    /// Bytes of the whole file, or of the header if header and voxels are in two files.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let mut bytes = self.header();
         if !self.pair {
@@ -84,7 +84,7 @@ impl Nifti {
         bytes
     }
 
-    /// The voxels alone.
+    /// Bytes of the voxels alone.
     pub(super) fn voxels(&self) -> Vec<u8> {
         self.values.iter().flat_map(|value| encoded(self.datatype, self.big_endian, *value)).collect()
     }

@@ -19,7 +19,7 @@ pub enum PatientAxes {
 named!(PatientAxes { Lps = "lps", Ras = "ras", Las = "las" });
 
 impl PatientAxes {
-    /// Rotation or reflection into LPS.
+    /// Rotation or reflection that converts coordinates in these axes to LPS.
     pub(super) fn lps_from_axes(self) -> DMat3 {
         DMat3::from_diagonal(match self {
             Self::Lps => DVec3::new(1.0, 1.0, 1.0),
@@ -32,14 +32,14 @@ impl PatientAxes {
 /// Accepted distances between neighbouring voxels, mm.
 const VOXEL_MM: std::ops::RangeInclusive<f64> = 0.01..=50.0;
 
-/// Smallest volume of a voxel, relative to a box with the same edges.
+/// Smallest volume of a voxel, relative to that of a box with the same edge lengths.
 const LEAST_VOLUME: f64 = 1e-3;
 
-/// `affine` in LPS, mm, if its voxels have a volume and sizes within the limits. `unit` is the header's unit of length
-/// and `unit_mm` that unit in mm.
+/// Converts `affine` from `axes` to LPS and from the header's `unit` to mm, if its voxels have a volume and sizes
+/// within the limits. `unit_mm` is the length of the unit, mm.
 ///
 /// # Errors
-/// Non-finite numbers, flat voxels, sizes outside 0.01 mm to 50 mm.
+/// Non-finite numbers; flat voxels; voxel sizes outside 0.01 mm to 50 mm.
 pub(super) fn lps_mm(
     affine: DAffine3,
     axes: PatientAxes,

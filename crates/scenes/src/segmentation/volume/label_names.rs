@@ -6,19 +6,19 @@ use insonify_core::names::printable;
 
 use super::{Segment, VolumeFault};
 
-/// Segments in the order in which their labels were first named.
+/// Segments, in the order in which the file first names their labels.
 #[derive(Debug, Default)]
 pub(super) struct LabelNames {
     segments: Vec<Segment>,
-    /// Index of the segment of each layer and label.
+    /// Index in `segments` for each pair of layer and label.
     index_of: HashMap<(usize, u16), usize>,
 }
 
 impl LabelNames {
-    /// Adds a segment. If its label already has one, the first segment with a name stays.
+    /// Adds a segment. If its label has one already, the first segment that has a name stays.
     ///
     /// # Errors
-    /// Two names of one label.
+    /// A label with two different names.
     pub(super) fn add(&mut self, segment: Segment) -> Result<(), VolumeFault> {
         let index = *self.index_of.entry((segment.layer, segment.value)).or_insert(self.segments.len());
         let Some(first) = self.segments.get_mut(index) else {

@@ -30,15 +30,15 @@ pub use nrrd::decode_nrrd;
 pub use raw::RawVolume;
 pub use read::{read_image, read_labels};
 
-/// Value of voxels outside a CT image, HU: the radiodensity of air.
+/// Value for voxels outside a CT image, HU: about that of air.
 pub const OUTSIDE: f32 = -1024.0;
 
-/// Choices of the reader.
+/// Choices by the user in reading volumes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReadOptions {
-    /// Axes of files that don't state theirs; files that do are not affected.
+    /// Axes for files that don't state theirs; files that do are not affected.
     pub assume_axes: Option<PatientAxes>,
-    /// Placement of NIfTI files whose sform and qform contradict each other. Without it they are refused.
+    /// Choice for NIfTI files whose sform and qform contradict each other. Without it, such files are refused.
     pub prefer: Option<NiftiForm>,
 }
 
@@ -56,58 +56,60 @@ named!(Modality { Ct = "ct", Mr = "mr" });
 /// One of the two placements that a NIfTI file may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NiftiForm {
-    /// Affine of method 3.
+    /// Affine, NIfTI's method 3.
     Sform,
-    /// Quaternion and distances of method 2.
+    /// Quaternion and voxel distances, NIfTI's method 2.
     Qform,
 }
 
 named!(NiftiForm { Sform = "sform", Qform = "qform" });
 
-/// A segmentation.
+/// Label map: a segmentation on a grid of voxels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelMap {
-    /// File.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Voxels along i, j and k.
+    /// Number of voxels along i, j and k.
     pub size: [usize; 3],
     /// Transform from voxel index to patient position (LPS), mm.
     pub lps_from_voxel: DAffine3,
-    /// Labels of each layer, i fastest; 0 is background. Segments of different layers may overlap.
+    /// Labels of each layer, i fastest; 0 is background. A voxel has a label in each layer, so segments of different
+    /// layers may overlap.
     pub layers: Vec<Vec<u16>>,
-    /// Segments: first those that the file names, in its order, then other labels that occur in the voxels, ascending.
+    /// Segments. First those that the file names, in its order; then the other labels that occur in the voxels,
+    /// ascending.
     pub segments: Vec<Segment>,
     /// Assumptions and choices in reading, one sentence each.
     pub remarks: Vec<String>,
 }
 
-/// A region of a label map.
+/// Segment: the voxels of a label map that have one label in one layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
-    /// Index of its layer.
+    /// Index of the segment's layer.
     pub layer: usize,
-    /// Its label there, at least 1.
+    /// Label of the segment in that layer, at least 1.
     pub value: u16,
-    /// Name in the file.
+    /// Name in the file, if it has one.
     pub name: Option<String>,
-    /// Colour in the file, sRGB.
+    /// Colour in the file, sRGB, if it has one.
     pub colour: Option<[u8; 3]>,
-    /// Meanings of its coded terms, such as `Kidney, Right`.
+    /// Meanings of the file's coded terms for the segment, such as `Kidney, Right`.
     pub terminology: Option<String>,
 }
 
 /// A scalar image, such as a CT.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
-    /// File.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Voxels along i, j and k.
+    /// Number of voxels along i, j and k.
     pub size: [usize; 3],
     /// Transform from voxel index to patient position (LPS), mm.
     pub lps_from_voxel: DAffine3,
-    /// Scaled values, i fastest; HU for a CT.
+    /// Values after slope and intercept, i fastest; HU for a CT.
     pub values: Vec<f32>,
-    /// Kind that the user states. Without it, the kind is judged by the values.
+    /// Kind of the image that the user states. Without it, the values decide.
     pub stated: Option<Modality>,
     /// Assumptions and choices in reading, one sentence each.
     pub remarks: Vec<String>,

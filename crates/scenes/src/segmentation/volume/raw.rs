@@ -7,16 +7,16 @@ use glam::DAffine3;
 use super::samples::{BadLabel, Samples};
 use super::{Image, LabelMap, Segment, VolumeFault};
 
-/// A decoded file: placement, stored values, named segments.
+/// A decoded file: placement of its grid, stored values, named segments.
 #[derive(Debug, Clone)]
 pub struct RawVolume {
-    /// Voxels along i, j and k.
+    /// Number of voxels along i, j and k.
     pub(super) size: [usize; 3],
     /// Transform from voxel index to patient position (LPS), mm.
     pub(super) lps_from_voxel: DAffine3,
-    /// Values of all layers.
+    /// Stored values of all layers.
     pub(super) samples: Samples,
-    /// Layers, and the position of their axis among all axes.
+    /// Layers, and where their axis is among the axes of the data.
     pub(super) layers: Layers,
     /// Segments that the file names.
     pub(super) segments: Vec<Segment>,
@@ -24,22 +24,22 @@ pub struct RawVolume {
     pub(super) remarks: Vec<String>,
 }
 
-/// Layers of a volume, along an axis of their own.
+/// Layers of a volume: an axis of the data that is not one of space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layers {
     /// Number of layers.
     pub count: usize,
-    /// Number of consecutive values of one layer: the product of the sizes of faster axes.
+    /// Number of consecutive values of one layer: the product of the sizes of the faster axes.
     pub inner: usize,
 }
 
 impl Layers {
-    /// The only layer.
+    /// A volume of one layer.
     pub(super) const ONE: Self = Self { count: 1, inner: 1 };
 }
 
 impl RawVolume {
-    /// Label map of these voxels. Labels that occur but aren't named in the file become segments without a name.
+    /// Label map of these voxels. Labels that occur but have no name in the file become segments without a name.
     ///
     /// # Errors
     /// Values that aren't whole numbers from 0 to 65535, and segments in layers that don't exist.

@@ -9,13 +9,13 @@ use super::raw::RawVolume;
 use super::source::{Source, file_length, in_data_file};
 use super::{Image, LabelMap, ReadOptions, VolumeError, VolumeFault, nifti, nrrd};
 
-/// Number of first bytes by which formats are told apart.
+/// Number of bytes at the start of a file by which its format is recognised.
 const START_BYTES: u64 = 352;
 
 /// Advice for other volume formats.
 const CONVERT: &str = "; open it in 3D Slicer and save it as .nrrd";
 
-/// Label map in the file at `path`: NIfTI or NRRD, by its content.
+/// Label map in the file at `path`, NIfTI or NRRD as its content shows.
 ///
 /// # Errors
 /// A file that can't be read, isn't a volume, states no axes (unless `options` do), or has values that aren't labels.
@@ -24,7 +24,7 @@ pub fn read_labels(path: &Path, options: ReadOptions) -> Result<LabelMap, Volume
     labels.map_err(|fault| VolumeError::new(path, fault))
 }
 
-/// Image in the file at `path`: NIfTI or NRRD, by its content.
+/// Image in the file at `path`, NIfTI or NRRD as its content shows.
 ///
 /// # Errors
 /// A file that can't be read, isn't a volume, or states no axes (unless `options` do).
@@ -66,7 +66,7 @@ fn read(path: &Path, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
     }
 }
 
-/// Content of a file, decompressed if it is gzip data, and whether it was compressed.
+/// Content of a file, decompressed if it is gzip data, and whether it was gzip data.
 fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     let length = file_length(path)?;
     let mut magic = Vec::new();
@@ -78,7 +78,7 @@ fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     Ok((if compressed { Source::gzip(file) } else { Source::plain(file, length) }, compressed))
 }
 
-/// Stem and lower-case suffix of a header or image file of a pair.
+/// Stem, and lower-case suffix, of a file of a NIfTI pair (header or image); `None` for other files.
 fn suffix(path: &Path) -> Option<(String, String)> {
     let name = path.file_name()?.to_str()?;
     let lower = name.to_ascii_lowercase();

@@ -4,16 +4,16 @@ use rayon::prelude::*;
 
 use super::super::numbers::Number;
 
-/// Values as stored, with the linear function that converts them.
+/// Stored values, with the linear function that scales them.
 #[derive(Debug, Clone)]
 pub(super) struct Samples {
-    /// Type of a value.
+    /// Type of the stored numbers.
     pub kind: Number,
     /// Whether the most significant byte comes first.
     pub big_endian: bool,
-    /// Whole values, one after the other.
+    /// Bytes of the values, one after the other; the last value is complete.
     pub bytes: Vec<u8>,
-    /// Slope and intercept; `None` where values are stored as they are.
+    /// Slope and intercept for scaling; `None` if values are used as they are stored.
     pub scale: Option<[f64; 2]>,
 }
 
@@ -22,18 +22,18 @@ pub(super) struct Samples {
 pub(super) enum BadLabel {
     /// A fraction, or a value of a float type outside the range.
     Image(f64),
-    /// A whole number outside 0..=65535.
+    /// A whole number outside 0..=65535, as text.
     Range(String),
 }
 
-/// Largest distance of a scaled label from a whole number: a slope is stored in 32 bits.
+/// Largest distance of a scaled label from a whole number. It allows for a slope stored in 32 bits.
 const SCALED_TOLERANCE: f64 = 1e-3;
 
 /// Number of values per parallel task.
 const CHUNK: usize = 1 << 16;
 
 impl Samples {
-    /// Labels, in order.
+    /// The values as labels, in their order.
     ///
     /// # Errors
     /// Index of the first value that isn't a whole number in 0..=65535, and the value.
@@ -44,7 +44,7 @@ impl Samples {
         self.each(Value::label)
     }
 
-    /// Scaled values, in order.
+    /// The scaled values, in their order.
     pub(super) fn values(&self) -> Vec<f32> {
         let [slope, intercept] = self.scale.unwrap_or([1.0, 0.0]);
         let converted: Result<_, (usize, std::convert::Infallible)> =
@@ -55,7 +55,7 @@ impl Samples {
         }
     }
 
-    /// Each value converted, in order, or the first error with its index.
+    /// Converts each value, in order. The error is that of the first value that can't be converted, with its index.
     fn each<T: Send + Default + Clone, E: Send>(
         &self,
         convert: impl Fn(Value) -> Result<T, E> + Sync,
@@ -133,7 +133,7 @@ fn map<const N: usize, T: Send + Default + Clone, E: Send>(
         Ok(())
     };
     let pieces = out.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK)).enumerate();
-    // The first error in the order of values, whichever thread finds one first.
+    // The error at the lowest index counts, whichever thread finds one first.
     let first = pieces.filter_map(|piece| fill(piece).err()).min_by_key(|(index, _)| *index);
     first.map_or(Ok(out), Err)
 }

@@ -1,4 +1,4 @@
-//! Bounded reads: memory is checked before it is allocated.
+//! Bounded reads: the available memory is checked before any is allocated.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,16 +7,16 @@ use insonify_core::files::{NoMemory, memory_for};
 
 use super::VolumeFault;
 
-/// Most voxels of a volume.
+/// Largest number of voxels of a volume.
 pub(super) const MAX_VOXELS: u64 = 1 << 30;
 
-/// Most bytes of a file, and of its decompressed voxels.
+/// Largest number of bytes of a file, and of its decompressed voxels.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// Memory of one decoded label or value, bytes. The stored value is in memory as well.
+/// Memory of one decoded label or value, bytes. The stored value is in memory at the same time.
 const DECODED_BYTES: u64 = 4;
 
-/// A stream of bytes, with the number of bytes left if known.
+/// A stream of bytes, with the number of bytes left in it if that is known.
 pub(super) struct Source<'a> {
     stream: Box<dyn Read + 'a>,
     left: Option<u64>,
@@ -34,7 +34,7 @@ impl<'a> Source<'a> {
         Self { stream: Box::new(flate2::read::MultiGzDecoder::new(stream)), left: None, gzip: true }
     }
 
-    /// Exactly `expected` bytes of the part of the file called `part`.
+    /// Reads exactly `expected` bytes. `part` names them in errors.
     ///
     /// # Errors
     /// Fewer bytes, or a failed read.
@@ -57,7 +57,7 @@ impl<'a> Source<'a> {
         Ok(bytes)
     }
 
-    /// All remaining bytes, up to `limit`.
+    /// Reads all remaining bytes, at most `limit`. `what` names their number in the error.
     pub(super) fn rest(&mut self, limit: u64, what: &'static str) -> Result<Vec<u8>, VolumeFault> {
         let mut bytes = Vec::new();
         let read = (&mut self.stream).take(limit + 1).read_to_end(&mut bytes);
@@ -69,7 +69,7 @@ impl<'a> Source<'a> {
         Ok(bytes)
     }
 
-    /// The next bytes, at most `limit`.
+    /// Reads up to `limit` bytes.
     pub(super) fn up_to(&mut self, limit: u64) -> Result<Vec<u8>, VolumeFault> {
         let mut bytes = Vec::new();
         match (&mut self.stream).take(limit).read_to_end(&mut bytes) {
@@ -78,7 +78,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Skips `count` bytes of `part`.
+    /// Skips `count` bytes. `part` names them in errors.
     pub(super) fn skip(&mut self, count: u64, part: &'static str) -> Result<(), VolumeFault> {
         let copied = std::io::copy(&mut (&mut self.stream).take(count), &mut std::io::sink());
         let found = copied.map_err(|error| self.fault(error))?;
@@ -102,12 +102,12 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Source of the decompressed gzip data that follows.
+    /// Source of the decompressed content, if gzip data follow.
     pub(super) fn into_gzip(self) -> Self {
         Self::gzip(self.stream)
     }
 
-    /// Whether one more byte follows. In gzip data, reaching the end also verifies the checksum.
+    /// Whether another byte follows; reads it. At the end of gzip data, this also verifies the checksum.
     pub(super) fn has_more(&mut self) -> Result<bool, VolumeFault> {
         match self.stream.read(&mut [0]) {
             Ok(count) => Ok(count > 0),
@@ -115,7 +115,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Bytes left, where known.
+    /// Number of bytes left, if known.
     pub(super) fn left(&self) -> Option<u64> {
         self.left
     }
@@ -125,10 +125,10 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Number of voxels for these sizes.
+/// Number of voxels of a volume with these sizes.
 ///
 /// # Errors
-/// A zero size, or more voxels than the limit.
+/// A size of zero, or more than [`MAX_VOXELS`] voxels.
 pub(super) fn voxel_count(sizes: &[u64]) -> Result<usize, VolumeFault> {
     if sizes.contains(&0) {
         return Err(VolumeFault::Header(format!("sizes {sizes:?}: each must be at least 1")));
@@ -138,7 +138,7 @@ pub(super) fn voxel_count(sizes: &[u64]) -> Result<usize, VolumeFault> {
     usize::try_from(count).map_err(|_| too_large(count, MAX_VOXELS, "the number of voxels"))
 }
 
-/// Checks that memory suffices for `count` voxels of `stored` bytes each.
+/// Checks that there is memory for `count` voxels of `stored` bytes each, and their decoded values.
 ///
 /// # Errors
 /// A volume too large for this process.
@@ -146,7 +146,7 @@ pub(super) fn room_for(count: u64, stored: u64) -> Result<(), VolumeFault> {
     Ok(memory_for(count.saturating_mul(stored + DECODED_BYTES))?)
 }
 
-/// Refuses `found` above `limit`.
+/// Refuses a number `found` above `limit`. `what` names it in the error.
 pub(super) fn within(found: u64, limit: u64, what: &'static str) -> Result<(), VolumeFault> {
     if found > limit { Err(too_large(found, limit, what)) } else { Ok(()) }
 }
@@ -160,10 +160,10 @@ pub(super) fn in_data_file(path: &Path, fault: VolumeFault) -> VolumeFault {
     VolumeFault::DataFile { path: path.to_owned(), fault: Box::new(fault) }
 }
 
-/// Length of a regular file, bytes.
+/// Length of a regular file in bytes.
 ///
 /// # Errors
-/// Folders, devices, and files over the limit.
+/// Folders, devices, and files longer than [`MAX_BYTES`].
 pub(super) fn file_length(path: &Path) -> Result<u64, VolumeFault> {
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {

@@ -1,7 +1,7 @@
 //! Acoustic windows of a patient: standard planes through the organs, with a probe on the skin.
 //!
 //! A window has an organ at its centre and a usual direction to the probe. A search around that direction finds one in
-//! which neither bone nor gas hides the organ. Patient frame: LPS, x left, y posterior, z superior, mm.
+//! which bone and gas hide as little of the organ as possible. Patient frame: LPS, x left, y posterior, z superior, mm.
 
 mod sight;
 mod standard;
@@ -14,27 +14,27 @@ pub use standard::{look_at, windows};
 
 use insonify_core::anatomy::planes::View;
 
-/// Rings of directions around the usual one in the search, and directions per ring.
+/// Number of rings of directions around the usual one in the search, and number of directions per ring.
 const RINGS: usize = 6;
 const SPOKES: usize = 16;
 
-/// Position of a probe on the skin, and what it sees of the target.
+/// Position of a probe on the skin, and how much of the target it sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbeSite {
-    /// Point of the skin, mm.
+    /// Point of contact on the skin, mm.
     pub contact_mm: DVec3,
-    /// Direction from the target to the probe.
+    /// Unit direction from the target to the probe.
     pub to_probe: DVec3,
     /// Share of the target that bone or gas hides, 0..=1.
     pub hidden: f64,
 }
 
-/// Row of a table of windows: a standard plane on the patient, and how much of it is hidden.
+/// Row of a table of windows: a standard plane on the patient, and how much of its target is hidden.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WindowRow {
-    /// Name of the plane.
+    /// Name of the standard plane.
     pub name: String,
-    /// Title.
+    /// Title of the standard plane.
     pub title: String,
     /// Depth of the plane's centre below the skin, mm.
     pub depth_mm: f64,
@@ -50,8 +50,8 @@ impl WindowRow {
     }
 }
 
-/// Best site of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if no
-/// line from its centre reaches skin.
+/// Best position of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if
+/// no line from the target's centre reaches skin.
 pub(crate) fn best_site(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f64) -> Option<ProbeSite> {
     let mut best: Option<(f64, ProbeSite)> = None;
     for ring in 0..=RINGS {

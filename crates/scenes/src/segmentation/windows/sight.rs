@@ -6,16 +6,16 @@ use insonify_core::anatomy::Skin;
 use crate::segmentation::from_labels::Made;
 use crate::segmentation::grid::CutPlane;
 
-/// Distance from a cut of the scan, mm, within which the outer surface is not skin.
+/// Distance from a plane at which the scan ends, mm, within which the outer surface is not skin.
 const CUT_MM: f64 = 6.0;
-/// Sampled positions across the target, relative to its half width.
+/// Positions of sampled points across the target, relative to its half width.
 const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
-/// Sampled positions on the probe's face, mm from its centre.
+/// Positions of sampled points on the probe's face, mm from its centre.
 const FACE_MM: [f64; 3] = [-18.0, 0.0, 18.0];
-/// Distance below the skin and above the target that is not checked for bone and gas, mm.
+/// Length at both ends of a line of sight that is not checked for bone and gas, mm.
 const ENDS_MM: f64 = 1.0;
 
-/// Skin of a patient, and surfaces that ultrasound does not pass.
+/// Skin of a patient, and surfaces that ultrasound does not pass, for lines of sight.
 #[derive(Debug)]
 pub struct Sight {
     skin: Skin,
@@ -24,8 +24,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Lines of sight through `surfaces`, which end at `cuts`. Surfaces for which `is_hard` is true hide the target.
-    /// `None` without triangles.
+    /// Lines of sight through `surfaces`, whose scan ends at `cuts`. Surfaces for which `is_hard` is true hide the
+    /// target. `None` if the surfaces have no triangle.
     pub fn new(surfaces: &[Made], cuts: Vec<CutPlane>, is_hard: impl Fn(&Made) -> bool) -> Option<Self> {
         let outer = surfaces.iter().flat_map(|s| s.mesh.corners_mm());
         let skin = Skin::of_triangles(outer).ok()?;
@@ -33,19 +33,21 @@ impl Sight {
         Some(Self { skin, hard, cuts })
     }
 
-    /// The skin.
+    /// The outer surface of the patient.
     pub fn skin(&self) -> &Skin {
         &self.skin
     }
 
-    /// Point where the line from `from_mm` along `direction` leaves the skin; `None` if the scan ends there.
+    /// Point where the line from `from_mm` along `direction` leaves the skin; `None` if it leaves the body where the
+    /// scan ends.
     pub fn contact(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
         let contact_mm = self.skin.exit(from_mm, direction)?;
         let at_cut = |cut: &CutPlane| (contact_mm - cut.point_mm).dot(cut.normal).abs() < CUT_MM;
         (!self.cuts.iter().any(at_cut)).then_some(contact_mm)
     }
 
-    /// Share of the points between `centre_mm` ± `half_width_mm` that bone or gas hides from `contact_mm`, 0..=1.
+    /// Share of lines of sight that bone or gas blocks, 0..=1. The lines run from a probe at `contact_mm` to points
+    /// within `centre_mm` ± `half_width_mm`.
     pub fn hidden(&self, contact_mm: DVec3, centre_mm: DVec3, half_width_mm: DVec3) -> f64 {
         let Some(hard) = &self.hard else { return 0.0 };
         let along_face = half_width_mm.normalize_or_zero();
@@ -54,7 +56,7 @@ impl Sight {
             let way = contact_mm + along_face * aside_mm - point;
             let length_mm = way.length();
             let along = way / length_mm.max(1e-9);
-            // The last hard surface on the line from the point outward; there is none beyond the contact.
+            // The last hard surface on the line outward decides; beyond the contact there is none.
             let hit = hard.exit(point, along);
             hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
         };

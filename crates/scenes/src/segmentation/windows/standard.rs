@@ -1,4 +1,4 @@
-//! The windows: organ, direction to the probe, and plane of each.
+//! The acoustic windows: organ, usual direction to the probe, and plane of each.
 
 use glam::DVec3;
 use insonify_core::anatomy::Mesh;
@@ -17,7 +17,7 @@ const FRONT: DVec3 = DVec3::NEG_Y;
 const HEAD: DVec3 = DVec3::Z;
 const FEET: DVec3 = DVec3::NEG_Z;
 
-/// Depth to which the probe's face is pressed into the skin, mm.
+/// Depth to which the probe is pressed into the skin, mm.
 pub(crate) const PRESS_MM: f64 = 4.0;
 
 const ABDOMEN_GUIDE: &str = "AIUM Practice Parameter for the Performance of an Ultrasound Examination of the Abdomen \
@@ -37,15 +37,15 @@ impl<'a> Organs<'a> {
     }
 }
 
-/// A view without a probe yet, with the radius of its target, mm, and the largest angle from the usual direction to
-/// the probe, degrees.
+/// A view whose probe is still to be placed. `radius_mm` is the radius of its target, `cone_deg` the largest angle
+/// between the usual direction to the probe and the one found.
 struct Wish {
     view: View,
     radius_mm: f64,
     cone_deg: f64,
 }
 
-/// Windows of a patient, with poses and visibility. A window needs its organs and skin within reach.
+/// Windows of a patient, with poses and hidden shares. A window needs its organs, and skin within reach.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
     let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
@@ -62,8 +62,9 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
     (StandardPlanes { version: PLANES_VERSION, planes }, rows)
 }
 
-/// A view of the segment `name` and its probe site: from its window, or else the best site from the front and the
-/// sides. `None` if there is no such segment, or no skin from which it can be seen.
+/// A view of the segment `name`, and its probe position. It is that of the segment's window, if there is one.
+/// Otherwise, the best direction from the front or the sides is taken. `None` if there is no such segment, or no skin
+/// from which it can be seen.
 pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, ProbeSite)> {
     let organs = Organs(surfaces);
     let window: Option<fn(&Organs) -> Option<Window>> = match name {
@@ -85,7 +86,7 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Pr
     placed(wish, sight)
 }
 
-/// The view with the probe at the best site.
+/// The view with its probe at the best position.
 fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
     let site = best_site(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
     let mut view = wish.view;
@@ -93,7 +94,7 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
     view.to_probe = site.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
     view.pose = view.pose_on(sight.skin(), PRESS_MM);
-    // A landmark too far from the plane would prevent the plane from being recognised.
+    // A landmark too far from the plane would prevent the recognition of the plane, so it is left out.
     let (centre_mm, normal) = (view.centre_mm, view.normal);
     let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
     view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
@@ -143,7 +144,7 @@ fn caliper(name: &str, title: &str, points_mm: [DVec3; 2], surface: &str, reach_
     }
 }
 
-/// Oblique under the right ribs, up into the right lobe.
+/// Oblique plane from below the right ribs up into the right lobe of the liver.
 fn liver(organs: &Organs) -> Option<Window> {
     let liver = organs.of(&["liver"])?;
     let shape = Shape::of(&liver.mesh)?;
@@ -156,7 +157,8 @@ fn liver(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 45.0, cone_deg: 45.0 }]))
 }
 
-/// Long axis of the right kidney from the flank, with Morison's pouch between it and the liver.
+/// Long axis of the right kidney, from the flank. If Morison's pouch, between kidney and liver, is near, the plane
+/// shows it.
 fn right_kidney(organs: &Organs) -> Option<Window> {
     let kidney = organs.of(&["kidney_right"])?;
     let mut wish = kidney_wish(kidney, RIGHT, "RKL")?;
@@ -175,7 +177,7 @@ fn right_kidney(organs: &Organs) -> Option<Window> {
     Some((plane, vec![wish]))
 }
 
-/// Long axis of the left kidney from the flank.
+/// Long axis of the left kidney, from the flank.
 fn left_kidney(organs: &Organs) -> Option<Window> {
     let kidney = organs.of(&["kidney_left"])?;
     let mut wish = kidney_wish(kidney, LEFT, "LKL")?;
@@ -191,7 +193,7 @@ fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
     let mut view = view("", shape.centre_mm, axis, side + 0.35 * FRONT);
     view.outlines = vec![kidney.name.clone()];
     let [low, high] = shape.extent_mm[0];
-    // The axis may have been reversed.
+    // The axis may point against `shape.axes[0]`, to which the extent refers.
     let poles = if axis == shape.axes[0] { [low, high] } else { [-high, -low] }.map(|x| shape.centre_mm + axis * x);
     view.landmarks = vec![mark("upper pole", poles[0], 12.0), mark("lower pole", poles[1], 12.0)];
     let line = caliper(caliper_name, "kidney length", poles, &kidney.name, 12.0);
@@ -199,10 +201,10 @@ fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
     Some(Wish { view, radius_mm: 0.4 * shape.length_mm(), cone_deg: 50.0 })
 }
 
-/// Long axis of the abdominal aorta from the front.
+/// Long axis of the abdominal aorta, from the front.
 fn aorta(organs: &Organs) -> Option<Window> {
     let aorta = organs.of(&["aorta"])?;
-    // Level below the kidneys' upper poles, or else in the lower third of the visible aorta.
+    // Level of the kidneys' centres, or else in the lower third of the aorta.
     let bounds = aorta.mesh.bounds_mm()?;
     let kidneys: Vec<Shape> =
         ["kidney_left", "kidney_right"].iter().filter_map(|&k| Shape::of(&organs.of(&[k])?.mesh)).collect();
@@ -228,7 +230,7 @@ fn aorta(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
 }
 
-/// Cross-section of the bladder from above the symphysis.
+/// Cross-section of the bladder, from above the symphysis.
 fn bladder(organs: &Organs) -> Option<Window> {
     let bladder = organs.of(&["urinary_bladder"])?;
     let shape = Shape::of(&bladder.mesh)?;
@@ -241,14 +243,14 @@ fn bladder(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 0.3 * shape.length_mm(), cone_deg: 40.0 }]))
 }
 
-/// Parasternal long axis: between the ribs to the left of the sternum, in the plane of the left heart's axis.
+/// Parasternal long axis of the heart: from between the ribs to the left of the sternum, along the left heart's axis.
 fn heart(organs: &Organs) -> Option<Window> {
     let heart = organs.of(&["heart", "heart_myocardium", "heart_ventricle_left"])?;
     let shape = Shape::of(&heart.mesh)?;
     let chamber = |names: &[&str]| Some(Shape::of(&organs.of(names)?.mesh)?.centre_mm);
     let base = chamber(&["heart_atrium_left", "atrial_appendage_left"]);
     let apex = chamber(&["heart_ventricle_left"]);
-    // The axis from the right shoulder to the left hip is used if no chamber tells a better one.
+    // Without the left chambers, the axis from the right shoulder to the left hip is used.
     let axis = match (base, apex) {
         (Some(base), Some(apex)) => apex - base,
         _ => LEFT + 0.6 * FRONT + 0.8 * FEET,
@@ -257,7 +259,7 @@ fn heart(organs: &Organs) -> Option<Window> {
         (Some(base), Some(apex)) => 0.5 * (base + apex),
         _ => shape.centre_mm,
     };
-    // The apex is to the left in the image: the probe's lateral axis looks to the base.
+    // The apex is on the left of the image, as the probe's lateral axis points to the heart's base.
     let mut view = view("", centre, -axis, FRONT + 0.3 * LEFT);
     view.outlines = vec![heart.name.clone()];
     if let Some(left) = organs.of(&["heart_ventricle_left"]).filter(|left| left.name != heart.name) {
@@ -267,8 +269,8 @@ fn heart(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
 }
 
-/// Middle of the shortest line between vertices of two meshes, and its length, mm. At most some thousand vertices of
-/// each are compared.
+/// Midpoint of the shortest line between vertices of two meshes, and the line's length, mm. At most some thousand
+/// vertices of each mesh are compared.
 fn between(a: &Mesh, b: &Mesh) -> Option<(DVec3, f64)> {
     let some = |mesh: &Mesh| -> Vec<DVec3> {
         let step = mesh.vertices_mm.len() / 1500 + 1;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use super::super::Role;
 use super::*;
 
-/// Names and numbers of TotalSegmentator's tasks; `scripts/check-label-names` compares them with the package.
+/// Numbers and names of TotalSegmentator's classes, by task. `scripts/check-label-names` compares them with the
+/// package.
 fn package() -> BTreeMap<String, BTreeMap<u16, String>> {
     let path =
         PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/segmentation/totalsegmentator_classes.json");

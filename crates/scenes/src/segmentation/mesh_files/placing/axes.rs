@@ -8,12 +8,13 @@ use insonify_core::names::counted;
 use super::{Guess, MeshAxes, words};
 use crate::segmentation::mesh_files::{FileHints, NamedMesh};
 
-/// Directions in LPS.
+/// Unit directions in LPS.
 pub(super) const LEFT: DVec3 = DVec3::X;
 pub(super) const POSTERIOR: DVec3 = DVec3::Y;
 pub(super) const CRANIAL: DVec3 = DVec3::Z;
 
-/// Pairs of organs: in nearly everybody, the first one lies in this direction (LPS) from the second.
+/// Pairs of organs by words of their names. In nearly everybody, the first organ lies in the given direction (LPS) from
+/// the second.
 const EXPECTED_DIRECTIONS: [(&str, DVec3, &str); 16] = [
     ("spleen", LEFT, "liver"),
     ("stomach", LEFT, "liver"),
@@ -33,11 +34,12 @@ const EXPECTED_DIRECTIONS: [(&str, DVec3, &str); 16] = [
     ("heart", POSTERIOR, "sternum"),
 ];
 
-/// Smallest cosine of the angle to the expected direction. Below its negative, the position contradicts.
+/// Smallest cosine of the angle between found and expected direction that confirms axes. Below its negative, the
+/// position contradicts them.
 const ALONG: f64 = 0.35;
 
-/// Other axes that fit the positions of all organs, if most positions contradict `axes`, and a clause that names the
-/// contradiction.
+/// If most positions of organs contradict `axes`: other axes that fit all positions, and a clause that names the
+/// contradiction. `None` if there are none.
 pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, String)> {
     let evidence = evidence(meshes);
     let count = |axes: MeshAxes, sign: i64| evidence.iter().filter(|e| e.sign(axes) == sign).count();
@@ -84,7 +86,7 @@ pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
         return Guess { value: MeshAxes::Lps, reason, certain: false };
     };
     let mut reason = first.to_string();
-    // A second reason in another direction gives more certainty.
+    // A second pair of organs in another direction supports the guess.
     if let Some(next) = evidence.iter().find(|e| e.sign(value) > 0 && e.direction != first.direction) {
         reason += &format!(", and {next}");
     }
@@ -98,18 +100,18 @@ pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
     Guess { value, reason: format!("with {value}, {reason}"), certain: is_clear }
 }
 
-/// Two meshes whose relative position is known.
+/// Two meshes whose relative position in the body is known.
 struct Evidence<'m> {
     first: &'m str,
     second: &'m str,
     /// Expected direction from the second mesh to the first, LPS.
     direction: DVec3,
-    /// Direction found, a unit vector in the file's axes.
+    /// Direction from the second mesh to the first in the file, as a unit vector in the file's axes.
     found: DVec3,
 }
 
 impl Evidence<'_> {
-    /// 1 if the position is as expected with these axes, −1 if it is opposite, else 0.
+    /// 1 if the relative position is as expected with these axes, −1 if it is opposite, else 0.
     fn sign(&self, axes: MeshAxes) -> i64 {
         let cosine = self.direction.dot(axes.lps_from_file() * self.found);
         i64::from(cosine > ALONG) - i64::from(cosine < -ALONG)
@@ -138,7 +140,7 @@ fn evidence(meshes: &[NamedMesh]) -> Vec<Evidence<'_>> {
     for (left, right) in pairs(&named) {
         found.extend(between(left, right, LEFT));
     }
-    // Middle of the meshes of each organ, for example of both lungs.
+    // An organ may have several meshes, such as both lungs: the mean of their centres counts.
     let having =
         |word: &str| -> Vec<usize> { (0..named.len()).filter(|&i| named[i].0.iter().any(|w| w == word)).collect() };
     let middle = |of: &[usize]| of.iter().map(|&i| named[i].1).sum::<DVec3>() / of.len() as f64;
@@ -154,7 +156,7 @@ fn evidence(meshes: &[NamedMesh]) -> Vec<Evidence<'_>> {
     found
 }
 
-/// Pairs of meshes whose names differ only in left and right.
+/// Pairs of meshes (left, right) whose names differ only in the side, as indices.
 fn pairs(named: &[(Vec<String>, DVec3, &str)]) -> Vec<(usize, usize)> {
     let without = |words: &[String], side: [&str; 2]| -> Option<Vec<String>> {
         let mut rest = words.to_vec();
@@ -171,7 +173,7 @@ fn pairs(named: &[(Vec<String>, DVec3, &str)]) -> Vec<(usize, usize)> {
     found
 }
 
-/// Middle of a mesh's bounds.
+/// Centre of a mesh's bounding box.
 fn centre(mesh: &NamedMesh) -> DVec3 {
     let bounds =
         mesh.vertices.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));

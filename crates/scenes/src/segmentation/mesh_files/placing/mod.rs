@@ -13,12 +13,12 @@ pub use super::frame::{MeshAxes, Unit};
 use super::{FileHints, NamedMesh};
 pub use axes::{contradiction, guess_axes};
 
-/// A guess with its reason.
+/// A guessed value, with the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guess<T> {
     /// The most likely value.
     pub value: T,
-    /// Reason, as a clause.
+    /// Reason for the guess, as a clause.
     pub reason: String,
     /// Whether there is no evidence for another value.
     pub certain: bool,
@@ -30,8 +30,8 @@ impl<T: fmt::Display> fmt::Display for Guess<T> {
     }
 }
 
-/// Shortest and longest usual longest side of organs in adults, mm, by a word of their names; tolerant of cuts and of
-/// small or large patients.
+/// Usual range of the longest side of an organ in adults, mm, by a word of the organ's name. The ranges allow for cut
+/// organs and for small or large patients.
 const LENGTHS_MM: [(&str, f64, f64); 24] = [
     ("liver", 110.0, 330.0),
     ("kidney", 70.0, 180.0),
@@ -59,7 +59,8 @@ const LENGTHS_MM: [(&str, f64, f64); 24] = [
     ("body", 150.0, 2100.0),
 ];
 
-/// Guesses the unit of meshes from the file's statements, the sizes of organs, or the size of all meshes.
+/// Guesses the unit of meshes from the file's statements, else from the sizes of organs, else from the size of all
+/// meshes.
 pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
     let said = hints.said.clone().unwrap_or_default();
     if let Some(reason) = hints.unclear_unit.clone() {
@@ -80,7 +81,7 @@ pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
     by_organs(meshes).unwrap_or_else(|| by_size(meshes))
 }
 
-/// Unit in which most organs have their usual size; `None` if no name is known, or no unit fits.
+/// Unit in which most organs have their usual size; `None` if no mesh has an organ's name, or no unit fits.
 fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
     let known: Vec<(&NamedMesh, f64, f64, f64)> = meshes
         .iter()
@@ -109,15 +110,15 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
             mesh.name
         )
     };
-    // A child's coordinates in cm look like an adult's in inches.
+    // Coordinates in inches are never certain: an adult's look like a child's in cm.
     let certain = value != Unit::In && 2 * second < best && 3 * best >= 2 * known.len();
     Some(Guess { value, reason, certain })
 }
 
-/// Words that may accompany the name of a whole organ.
+/// Words of a mesh's name that leave it the name of a whole organ.
 const QUALIFIERS: [&str; 12] = ["left", "right", "l", "r", "lt", "rt", "t", "c", "s", "urinary", "structure", "of"];
 
-/// Sizes, measured in `unit`, of the meshes named after a whole organ; lobes and lesions of an organ are left out.
+/// Sizes of the meshes that are named after a whole organ, with coordinates in `unit`. Lobes and lesions are left out.
 pub fn organ_sizes<'m>(meshes: &'m [NamedMesh], unit: Unit) -> Vec<OrganSize<'m>> {
     let of = |mesh: &'m NamedMesh| {
         let name = mesh.name.as_str();
@@ -133,16 +134,16 @@ pub fn organ_sizes<'m>(meshes: &'m [NamedMesh], unit: Unit) -> Vec<OrganSize<'m>
     meshes.iter().filter_map(of).collect()
 }
 
-/// Size of an organ.
+/// Size of a mesh that is an organ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OrganSize<'m> {
     /// Name of the mesh.
     pub name: &'m str,
     /// Longest side, mm.
     pub length_mm: f64,
-    /// Least and greatest usual length, mm.
+    /// Usual range of the length, mm.
     pub usual_mm: [f64; 2],
-    /// Ratio to the nearest usual length: 1 within the usual range, above 1 for smaller and larger organs.
+    /// Factor by which the length is below or above its usual range; 1 within the range.
     pub ratio: f64,
 }
 
@@ -154,7 +155,7 @@ impl fmt::Display for OrganSize<'_> {
     }
 }
 
-/// Unit from the size of all meshes together.
+/// Guesses the unit from the size of all meshes together.
 fn by_size(meshes: &[NamedMesh]) -> Guess<Unit> {
     let size = longest_side(meshes).unwrap_or(0.0);
     let many = meshes.len() > 2;
@@ -171,7 +172,7 @@ fn by_size(meshes: &[NamedMesh]) -> Guess<Unit> {
     Guess { value, reason: format!("all together are {size:.3} long, {why}"), certain }
 }
 
-/// Longest side of the bounds of some meshes, in the file's unit.
+/// Longest side of the bounding box of some meshes, in the file's unit; `None` without vertices.
 fn longest_side<'m>(meshes: impl IntoIterator<Item = &'m NamedMesh>) -> Option<f64> {
     let points = meshes.into_iter().flat_map(|mesh| &mesh.vertices);
     let (min, max) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));
@@ -269,7 +270,7 @@ mod tests {
         assert_eq!(values, [(Unit::M, true), (Unit::Mm, false), (Unit::Mm, true), (Unit::Mm, false)]);
         let axes = guess_axes(&hints, &thing(300.0));
         assert_eq!((axes.value, axes.certain), (MeshAxes::Lps, false));
-        // Left and right alone do not distinguish y up from LPS.
+        // Kidneys, which differ only in left and right, do not distinguish y up from LPS.
         let kidneys = [organ("Left Kidney", [60.0, 0.0, 0.0], 100.0), organ("Right Kidney", [-60.0, 0.0, 0.0], 100.0)];
         let axes = guess_axes(&hints, &kidneys);
         assert!(!axes.certain && axes.reason.contains("fits"), "{axes}");

@@ -83,11 +83,11 @@ fn boxed(min: DVec3, max: DVec3) -> (Mesh, impl Fn(DVec3) -> f64) {
 
 #[test]
 fn a_sphere_larger_than_the_scan_is_closed_along_all_sides_of_the_box() {
-    // Eight patches at the corners of the box.
+    // Of the sphere, eight patches at the corners of the box are left.
     let (mesh, shape) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let (_, report) = mended(mesh, &shape);
     assert_eq!((count(&report, ActionKind::BentCap), report.parts), (8, 1), "{report}");
-    // Two opposite corners of the box are outside the sphere, six inside, whichever way the surface faces.
+    // The solid includes six corners of the box, but not two opposite ones, whichever way the surface faces.
     let (mut mesh, ball_in_box) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let at = mesh.vertices_mm.clone();
     let is_opposite = |p: DVec3| p.min_element() > 0.0 || p.max_element() < 0.0;
@@ -97,7 +97,7 @@ fn a_sphere_larger_than_the_scan_is_closed_along_all_sides_of_the_box() {
         let (_, report) = mended(mesh, &shape);
         assert_eq!((count(&report, ActionKind::BentCap), report.parts), (2, 1), "{report}");
     }
-    // Four sides with two corners.
+    // Four sides of the box, with two of its corners, cut the sphere.
     let (mesh, shape) = boxed(DVec3::new(-15.0, -15.0, -40.0), DVec3::new(15.0, 40.0, 5.0));
     let (_, report) = mended(mesh, &shape);
     assert_eq!(report.parts, 1, "{report}");

@@ -13,12 +13,12 @@ use super::{ActionKind, RemainingKind, RepairSettings, SurfaceRepair, repair};
 /// Signed distance of a shape, mm: negative inside.
 type Shape<'a> = &'a dyn Fn(DVec3) -> f64;
 
-/// Distance from the border within which points are not compared, mm: the chords of a mesh deviate that much from its
+/// Points this near to the surface are not compared, mm, as the flat triangles of a mesh deviate that much from its
 /// shape.
 const NEAR_MM: f64 = 0.15;
 
-/// Repairs a mesh. Checks that the result is closed and outward, has the given shape, moved no farther than allowed,
-/// and passes the scene check.
+/// Repairs a mesh. Checks that the result is closed and faces outward, has the given shape, moved no vertex farther
+/// than allowed, and passes the scene check.
 fn mended(mesh: Mesh, shape: Shape<'_>) -> (Mesh, SurfaceRepair) {
     let settings = RepairSettings::default();
     let (mesh, report) = repair("shape", mesh, &settings);
@@ -51,7 +51,7 @@ fn wrong_points(mesh: &Mesh, shape: Shape<'_>) -> usize {
     compared.filter(|p| tree.holds(**p) != (shape(**p) < 0.0)).count()
 }
 
-/// Writes the mesh as OFF where REPAIR_OUT names a folder, to check it with other programs.
+/// Writes the mesh as an OFF file into the folder that REPAIR_OUT names, if set, for checks with other programs.
 fn export(mesh: &Mesh) {
     let Ok(folder) = std::env::var("REPAIR_OUT") else { return };
     let thread = std::thread::current();
@@ -120,12 +120,12 @@ fn a_copy_that_is_displaced_by_rounding_is_joined() {
 
 #[test]
 fn a_wall_between_joined_halves_is_removed() {
-    // Two cuboids side by side with the wall between them twice, back to back.
+    // Two cuboids side by side. The wall between them is there twice, back to back.
     let halves = both(&cuboid(Vec3::X * -10.0, Vec3::splat(10.0), 6), &cuboid(Vec3::X * 10.0, Vec3::splat(10.0), 6));
     let shape = |p: DVec3| (p.abs() - DVec3::new(20.0, 10.0, 10.0)).max_element();
     let (_, report) = mended(halves.clone(), &shape);
     assert_eq!((count(&report, ActionKind::InnerWall), report.parts), (144, 1), "{report}");
-    // The wall is there only once, so its edges have three triangles.
+    // The wall is there only once, so edges at its border have three triangles.
     let mut once = super::shapes::welded(halves);
     let at = once.vertices_mm.clone();
     let is_wall = |t: &[u32; 3]| t.iter().all(|v| at[*v as usize].x == 0.0);
@@ -197,7 +197,8 @@ fn copies_of_single_triangles_are_removed() {
 
 #[test]
 fn corners_on_the_edges_of_others_are_joined_to_them() {
-    // A cuboid of 4 × 4 squares a side, whose top is one square: its rim has corners on the long edges.
+    // The top of this cuboid is a single square. Its other sides have 4 × 4 squares, so the top's rim has corners on
+    // the long edges.
     let mut mesh = cuboid(Vec3::ZERO, Vec3::splat(10.0), 4);
     let at = mesh.vertices_mm.clone();
     mesh.triangles.retain(|t| !t.iter().all(|v| at[*v as usize].z == 10.0));
@@ -215,7 +216,7 @@ fn a_cavity_stays_a_cavity_and_an_inner_part_becomes_one() {
     assert!(report.was_sound(), "{report}");
     let (_, report) = mended(both(&sphere(30.0, 4), &sphere(12.0, 3)), &shape);
     assert_eq!(count(&report, ActionKind::Cavity), 1, "{report}");
-    // Everything is inside out, so the cavity was one.
+    // Everything is inside out, so the inner sphere was a cavity already.
     let (_, report) = mended(flipped(both(&sphere(30.0, 4), &flipped(sphere(12.0, 3)))), &shape);
     assert_eq!((count(&report, ActionKind::TurnedPart), count(&report, ActionKind::Cavity)), (2, 0), "{report}");
 }
@@ -251,7 +252,7 @@ fn parts_that_touch_along_an_edge_are_separated() {
 
 #[test]
 fn an_edge_that_touches_itself_in_the_middle_of_a_part_is_separated() {
-    // Voxels on a diagonal, joined by others: an edge of four triangles within a single part.
+    // Voxels at a diagonal, joined by others: a single part with an edge of four triangles.
     let cells = [[0, 0, 0], [1, 1, 0], [0, 0, 1], [1, 1, 1], [1, 0, 1], [0, 0, -1], [1, 1, -1], [1, 0, -1]];
     let mut mesh = Mesh::default();
     for [x, y, z] in cells {

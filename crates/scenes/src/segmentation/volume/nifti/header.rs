@@ -8,41 +8,41 @@ pub(super) const BYTES_1: usize = 348;
 /// Length of a NIfTI-2 header, bytes.
 pub(super) const BYTES_2: usize = 540;
 
-/// Fields of both versions that are used here.
+/// Header of either version, with the fields that the reader uses.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
     /// Length of the header, bytes.
     pub bytes: u64,
-    /// Byte order of the header and of the voxels.
+    /// Byte order of header and voxels.
     pub big_endian: bool,
-    /// Whether header and voxels are in one file.
+    /// Whether header and voxels are in the same file.
     pub single: bool,
-    /// Sizes of the axes, without `dim[0]`.
+    /// Sizes of the axes, from `dim[1]` on.
     pub sizes: Vec<u64>,
     /// Code of the stored type.
     pub datatype: i64,
-    /// Sign of the third axis (qfac), then voxel spacings along the axes.
+    /// Sign of the third axis (qfac), then voxel spacings along the three axes.
     pub pixdim: [f64; 4],
-    /// Offset of the voxels in their file.
+    /// Offset of the voxels in their file, bytes.
     pub voxel_offset: f64,
-    /// Slope and intercept of stored values.
+    /// Slope and intercept that scale the stored values.
     pub scale: [f64; 2],
-    /// Codes of the units of length and time.
+    /// Codes of the units of length and time (`xyzt_units`).
     pub units: i64,
-    /// Method 2: 0 if absent.
+    /// Code of the qform (method 2); 0 if there is none.
     pub qform_code: i64,
-    /// Method 3: 0 if absent.
+    /// Code of the sform (method 3); 0 if there is none.
     pub sform_code: i64,
-    /// b, c, d of the unit quaternion of method 2.
+    /// Components b, c, d of the qform's unit quaternion.
     pub quaternion: [f64; 3],
-    /// Translation of method 2.
+    /// Translation of the qform.
     pub offset: [f64; 3],
-    /// Rows of the affine of method 3.
+    /// Rows of the sform's affine.
     pub rows: [[f64; 4]; 3],
 }
 
-/// Version, 1 or 2, and whether the bytes are big-endian; from the first four bytes, which hold the length of the
-/// header.
+/// Version (1 or 2), and whether the bytes are big-endian. Both follow from the first four bytes, the header's length.
+/// `None` if these are of no NIfTI file.
 pub(in super::super) fn version(start: &[u8]) -> Option<(u8, bool)> {
     let length: [u8; 4] = start.get(..4)?.try_into().ok()?;
     match (u32::from_le_bytes(length), u32::from_be_bytes(length)) {
@@ -122,14 +122,14 @@ fn sizes(dim: [i64; 8]) -> Result<Vec<u64>, VolumeFault> {
     dim[1..=count].iter().enumerate().map(size).collect()
 }
 
-/// Numbers at byte offsets; 0 beyond the end.
+/// Reader of numbers at byte offsets; beyond the end they are 0.
 struct Fields<'a> {
     bytes: &'a [u8],
     big_endian: bool,
 }
 
 impl Fields<'_> {
-    /// Number at a byte; `read` takes little-endian bytes.
+    /// Number at the byte `at`; `read` converts little-endian bytes.
     fn one<T, U: From<T>, const BYTES: usize>(&self, at: usize, read: fn([u8; BYTES]) -> T) -> U {
         let mut array = self.bytes.get(at..).and_then(|rest| rest.first_chunk()).copied().unwrap_or([0; BYTES]);
         if self.big_endian {
@@ -138,7 +138,7 @@ impl Fields<'_> {
         read(array).into()
     }
 
-    /// Numbers one after the other, from a byte on.
+    /// `N` consecutive numbers from the byte `at` on.
     fn list<T, U: From<T>, const BYTES: usize, const N: usize>(&self, at: usize, read: fn([u8; BYTES]) -> T) -> [U; N] {
         std::array::from_fn(|n| self.one(at + BYTES * n, read))
     }

@@ -15,10 +15,10 @@ use super::samples::Samples;
 use super::source::{MAX_BYTES, Source, room_for, voxel_count, within};
 use super::{ReadOptions, VolumeFault};
 
-/// Most bytes of extensions.
+/// Largest number of bytes of the header's extensions.
 const MAX_EXTENSION_BYTES: u64 = 64 << 20;
 
-/// Volume in `bytes`, which are a decompressed `.nii` file, or a `.hdr` file whose voxels are in `voxels`.
+/// Volume in `bytes`, which are a decompressed `.nii` file or a `.hdr` file. The voxels of the latter are in `voxels`.
 ///
 /// # Errors
 /// A header that can't be used, or missing bytes.
@@ -27,7 +27,7 @@ pub fn decode_nifti(bytes: &[u8], voxels: Option<&[u8]>, options: ReadOptions) -
     read_nifti(&mut source, voxels.map(|voxels| Source::plain(voxels, voxels.len() as u64)), options)
 }
 
-/// Volume whose header is at the start of `source`. The voxels follow there, or are in `voxels`.
+/// Volume whose header is at the start of `source`. The voxels follow in `source`, or are in `voxels`.
 pub(super) fn read_nifti(
     source: &mut Source<'_>,
     voxels: Option<Source<'_>>,
@@ -59,7 +59,7 @@ pub(super) fn read_nifti(
         None if header.single => {
             let extensions = source.take(offset - header.bytes, "the header's extensions")?;
             let data = source.take(expected, "the voxels")?;
-            // Reading on verifies the checksum of gzip data. Like nibabel, this reader ignores bytes after the voxels.
+            // Reading on verifies the checksum of gzip data. Bytes after the voxels are ignored, as by nibabel.
             source.has_more()?;
             (extensions, data)
         }
@@ -86,7 +86,7 @@ pub(super) fn read_nifti(
     })
 }
 
-/// Sizes of the three axes of space; further axes must have size 1.
+/// Sizes of the three axes of space. Any other axis must have size 1.
 fn volume_size(sizes: &[u64]) -> Result<[u64; 3], VolumeFault> {
     let size = |axis: usize| sizes.get(axis).copied().unwrap_or(1);
     if sizes.iter().skip(3).any(|size| *size > 1) {
@@ -121,8 +121,8 @@ fn sample_type(code: i64) -> Result<Number, VolumeFault> {
     })
 }
 
-/// Offset of the voxels in their file. In a single file, it is at least the end of the header with the flags of
-/// extensions.
+/// Offset of the voxels in their file, bytes. If header and voxels are in one file, the offset is at least the end of
+/// the header and of the four bytes that flag extensions.
 fn voxel_offset(header: &Header) -> Result<u64, VolumeFault> {
     let least = if header.single { header.bytes + 4 } else { 0 };
     let offset = header.voxel_offset;

@@ -3,15 +3,15 @@
 use super::super::label_names::LabelNames;
 use super::super::{Segment, VolumeFault};
 
-/// Size of the shortest extension, bytes: its length and code.
+/// Length of the shortest extension, bytes: those of its length and code.
 const HEAD_BYTES: usize = 8;
 
-/// Segments in the label tables of the extensions in `bytes`, which start after the header.
+/// Segments in the label tables of the extensions. `bytes` begin after the header.
 ///
-/// Caret's extensions have code 30; TotalSegmentator writes code 0, so the content decides.
+/// Caret's extensions have code 30, TotalSegmentator's have code 0. The content decides whether there is a label table.
 ///
 /// # Errors
-/// A label table that isn't well-formed XML, or names a label twice.
+/// A label table that isn't well-formed XML, or that names a label twice.
 pub(super) fn segments(bytes: &[u8], big_endian: bool) -> Result<Vec<Segment>, VolumeFault> {
     let Some((&[flag, _, _, _], mut rest)) = bytes.split_first_chunk::<4>() else { return Ok(Vec::new()) };
     if flag == 0 {
@@ -49,7 +49,7 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
     let mut names = LabelNames::default();
     for label in labels {
         let Some(value) = label.attribute("Key").and_then(|key| key.trim().parse::<u16>().ok()) else { continue };
-        // Text and CDATA may alternate.
+        // A label's name may be several pieces of text and CDATA.
         let name: String = label.children().filter_map(|part| part.text()).collect();
         let name = name.trim();
         if value == 0 || name.is_empty() {
@@ -65,7 +65,7 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
     Ok(names.segments())
 }
 
-/// A fraction of 1 as 0 to 255.
+/// A share, 0 to 1, as a byte, 0 to 255.
 pub(in super::super) fn byte(share: f64) -> u8 {
     (share * 255.0).round().clamp(0.0, 255.0) as u8
 }

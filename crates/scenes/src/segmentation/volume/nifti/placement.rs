@@ -1,4 +1,4 @@
-//! Placement of a NIfTI file's voxels by its sform or its qform, and handling of contradictions between them.
+//! Placement of a NIfTI file's voxels by one of its forms, sform or qform, and contradictions between the two.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -9,18 +9,18 @@ use super::header::Header;
 /// Angle between corresponding axes of sform and qform, degrees, above which the forms contradict each other.
 const TURN_DEGREES: f64 = 30.0;
 
-/// Ratio of the forms' voxel volumes, or voxel edges, above which the difference is not rounding.
+/// Ratio of the forms' voxel volumes, or voxel edges, above which they differ by more than rounding.
 const VOLUME_RATIO: f64 = 1.1;
 
-/// Largest distance between the forms' positions of a corner that counts as rounding, mm and voxels.
+/// Largest distance between the positions of a corner by the two forms that counts as rounding, mm and voxels.
 const SHIFT_MM: f64 = 2.0;
 const SHIFT_VOXELS: f64 = 1.0;
 
-/// Transform from voxel index to LPS, mm: the sform if present, else the qform, else the assumed axes. Remarks tell
-/// where both forms differ.
+/// Transform from voxel index to LPS, mm: the sform if present, else the qform, else the assumed axes. Remarks say
+/// where the two forms differ.
 ///
 /// # Errors
-/// No placement at all, impossible voxels, or forms that contradict each other when `options` prefer neither.
+/// No placement at all; impossible voxels; forms that contradict each other, unless `options` prefer one.
 pub(super) fn placement(
     header: &Header,
     size: [u64; 3],
@@ -51,7 +51,7 @@ pub(super) fn placement(
     }
 }
 
-/// Distances of neighbouring voxels.
+/// Distances between neighbouring voxels along i, j and k, in the header's unit.
 fn spacing(header: &Header) -> Result<DVec3, VolumeFault> {
     let [_, spacing @ ..] = header.pixdim;
     let spacing = DVec3::from(spacing);
@@ -61,25 +61,25 @@ fn spacing(header: &Header) -> Result<DVec3, VolumeFault> {
     Ok(spacing)
 }
 
-/// Transform from voxel index to RAS by method 3.
+/// Transform from voxel index to RAS by the sform (method 3), in the header's unit.
 fn sform(header: &Header) -> DAffine3 {
     let [x, y, z] = header.rows;
     let column = |n: usize| DVec3::new(x[n], y[n], z[n]);
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }
 
-/// Transform from voxel index to RAS by method 2.
+/// Transform from voxel index to RAS by the qform (method 2), in the header's unit.
 fn qform(header: &Header) -> Result<DAffine3, VolumeFault> {
     let scale = spacing(header)? * DVec3::new(1.0, 1.0, if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 });
     let matrix = DMat3::from_quat(unit_quaternion(header.quaternion)) * DMat3::from_diagonal(scale);
     Ok(DAffine3::from_mat3_translation(matrix, header.offset.into()))
 }
 
-/// The unit quaternion whose last components are b, c and d, as nifti1.h defines it.
+/// Unit quaternion with the components b, c and d, as nifti1.h defines it.
 fn unit_quaternion([b, c, d]: [f64; 3]) -> DQuat {
     let rest = 1.0 - (b * b + c * c + d * d);
     if rest < 1e-7 {
-        // The rotation is half a turn: rounding may have made (b, c, d) longer than 1.
+        // The rotation is half a turn: due to rounding, (b, c, d) may be longer than 1.
         let length = (b * b + c * c + d * d).sqrt();
         return DQuat::from_xyzw(b / length, c / length, d / length, 0.0);
     }
@@ -97,7 +97,7 @@ fn unit(code: i64) -> Result<(&'static str, f64), VolumeFault> {
     }
 }
 
-/// The two placements of one file, LPS, mm.
+/// The placements of one file by both forms, LPS, mm.
 struct Forms<'a> {
     header: &'a Header,
     size: [u64; 3],
@@ -105,7 +105,7 @@ struct Forms<'a> {
     qform: DAffine3,
 }
 
-/// The preferred placement, else the sform, and remarks on the other one.
+/// The placement by the preferred form, else by the sform, and remarks on how the other one differs.
 fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec<String>), VolumeFault> {
     let taken = prefer.unwrap_or(NiftiForm::Sform);
     let affine = if taken == NiftiForm::Sform { forms.sform } else { forms.qform };
@@ -123,7 +123,7 @@ fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec
 }
 
 impl Forms<'_> {
-    /// Disagreement of the forms: about sides, directions or sizes of voxels.
+    /// Contradiction between the forms in words: in sides, directions or sizes of voxels. `None` if there is none.
     fn contradiction(&self) -> Option<String> {
         let (s, q) = (self.sform.matrix3, self.qform.matrix3);
         let axis = (0..3).map(|n| (n, s.col(n).angle_between(q.col(n)).to_degrees()));
@@ -147,7 +147,7 @@ impl Forms<'_> {
         })
     }
 
-    /// Distance between the forms' placements of the volume, in words; `None` if it is rounding.
+    /// Distance between the forms' placements in words; `None` if it is within rounding.
     fn distance(&self) -> Option<String> {
         let corner = |n: usize| -> DVec3 {
             let ends = self.size.map(|size| size.saturating_sub(1) as f64);
@@ -173,7 +173,7 @@ impl Forms<'_> {
         ))
     }
 
-    /// A form with the name of its code.
+    /// Name of a form, with the name of its code.
     fn named(&self, form: &'static str) -> String {
         let code = if form == "sform" { self.header.sform_code } else { self.header.qform_code };
         let space = match code {
@@ -187,14 +187,14 @@ impl Forms<'_> {
     }
 }
 
-/// Side of the patient to which a direction mostly points.
+/// Name of the side of the patient to which a direction mostly points.
 fn direction(lps: DVec3) -> &'static str {
     let axis = (0..3).max_by(|a, b| lps[*a].abs().total_cmp(&lps[*b].abs())).unwrap_or(0);
     let sides = [["the patient's left", "the patient's right"], ["the back", "the front"], ["the head", "the feet"]];
     sides[axis][usize::from(lps[axis] < 0.0)]
 }
 
-/// Remark on voxel spacings in `pixdim` that differ from the sform's, if there is no qform.
+/// Remark if there is no qform and the voxel spacings in `pixdim` differ from those of the sform.
 fn other_spacing(header: &Header, sform: &DAffine3, unit_mm: f64) -> Vec<String> {
     let [_, spacing @ ..] = header.pixdim;
     let columns = [0, 1, 2].map(|n| sform.matrix3.col(n).length());

@@ -22,7 +22,7 @@ fn refusal(file: &Nifti) -> String {
     decode(file).and_then(|raw| raw.into_labels(Path::new("a.nii"))).unwrap_err().to_string()
 }
 
-/// LPS columns and origin.
+/// Transform with these LPS columns and origin.
 fn placed(columns: [[f64; 3]; 3], origin: [f64; 3]) -> DAffine3 {
     let [x, y, z] = columns.map(DVec3::from);
     DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin.into())
@@ -82,7 +82,7 @@ fn files_and_pairs_are_read_by_path_compressed_or_not() {
 
 #[test]
 fn the_qform_places_voxels_with_either_handedness() {
-    // A quarter turn about z: i runs to anterior, j to the patient's left in RAS terms (-x).
+    // A quarter turn about z in RAS: i runs to anterior, j to the patient's left (-x).
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let qform = Some([0.0, 0.0, half, 5.0, 6.0, 7.0]);
     let file = Nifti { version: 2, sform: None, qform, ..Nifti::default() };
@@ -91,7 +91,7 @@ fn the_qform_places_voxels_with_either_handedness() {
     let left = Nifti { pixdim: [-1.0, 2.0, 3.0, 4.0], ..file };
     let expected = placed([[0.0, -2.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, -4.0]], [-5.0, -6.0, 7.0]);
     assert!(map(&left).lps_from_voxel.abs_diff_eq(expected, 1e-9));
-    // Half a turn about y, with rounding in the stored quaternion.
+    // Half a turn about y. The stored quaternion is slightly longer than 1, as by rounding.
     let turned = Nifti { qform: Some([0.0, 1.0 + 1e-7, 0.0, 0.0, 0.0, 0.0]), sform: None, ..Nifti::default() };
     let expected = placed([[2.0, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -4.0]], [0.0; 3]);
     assert!(map(&turned).lps_from_voxel.abs_diff_eq(expected, 1e-5));
@@ -242,12 +242,12 @@ fn names_of_a_caret_extension_become_segments() {
     }
 }
 
-/// The default test volume with an additional qform; `qfac` is its handedness.
+/// The default test volume with an additional qform; `qfac` is the sign of its third axis.
 fn with_qform(qform: [f64; 6], qfac: f64) -> Nifti {
     Nifti { qform: Some(qform), pixdim: [qfac, 2.0, 3.0, 4.0], ..Nifti::default() }
 }
 
-/// The qform that is equal to the sform of the default test volume.
+/// The qform that is equal to the default test volume's sform.
 const SAME: [f64; 6] = [0.0, 0.0, 0.0, -10.0, -20.0, 30.0];
 
 fn preferring(file: &Nifti, prefer: Option<NiftiForm>) -> Result<RawVolume, VolumeFault> {
@@ -282,7 +282,7 @@ fn forms_of_opposite_sides_are_refused_unless_one_is_preferred() {
         assert_eq!(map.lps_from_voxel.matrix3.x_axis.x, x);
         assert!(map.remarks[0].contains("contradict") && map.remarks[0].contains(prefer.name()), "{:?}", map.remarks);
     }
-    // Half a turn about z: LPS and RAS confused.
+    // Half a turn about z, as if LPS and RAS were confused.
     let turned = with_qform([0.0, 0.0, 1.0, 10.0, 20.0, 30.0], 1.0);
     let error = refusal(&turned);
     assert!(error.contains("contradict each other") && !error.contains("mirror image"), "{error}");
@@ -328,7 +328,7 @@ fn a_form_that_cannot_be_used_is_left_out_and_said() {
 }
 
 proptest! {
-    /// Differences of the two forms are never silent: both positions of a voxel are near each other, or a message
+    /// A difference between the forms is never silent: both place a voxel at nearly the same position, or a message
     /// tells the difference.
     #[test]
     fn any_difference_of_the_forms_is_said(

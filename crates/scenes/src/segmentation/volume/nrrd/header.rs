@@ -1,4 +1,4 @@
-//! Headers of NRRD files: fields, key/value pairs, and their values.
+//! Headers of NRRD files: their fields and key/value pairs, and the values of both.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -8,21 +8,21 @@ use glam::DVec3;
 
 use super::super::VolumeFault;
 
-/// Most bytes of a header.
+/// Largest number of bytes of a header.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// Lines of a header.
+/// Content of a header.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Header {
-    /// Values of fields, by their names in lower case without spaces.
+    /// Values of the fields, by field names in lower case without spaces.
     fields: HashMap<String, String>,
-    /// Key/value pairs, in order.
+    /// Key/value pairs, in the order of the file.
     pub pairs: Vec<(String, String)>,
     /// Assumptions in reading.
     pub remarks: Vec<String>,
 }
 
-/// Bytes of a header, its blank line included, or all bytes if there is none.
+/// Bytes of a header, including the blank line that ends it; all bytes if there is no blank line.
 pub(super) fn header_bytes(stream: &mut impl BufRead) -> Result<Vec<u8>, VolumeFault> {
     let mut bytes = Vec::new();
     loop {
@@ -43,13 +43,14 @@ impl Header {
     /// Fields and pairs of a header.
     ///
     /// # Errors
-    /// A first line that isn't `NRRD000` and a version, a line that is neither a comment, a field nor a pair, or a field
-    /// that stands there twice with different values.
+    /// A first line that isn't `NRRD000` and a version; a line that is neither a comment, a field nor a pair; a field
+    /// that occurs twice with different values.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, VolumeFault> {
         let mut remarks = Vec::new();
         let text = match std::str::from_utf8(bytes) {
             Ok(text) => Cow::Borrowed(text),
-            // Names of segments by older programs, which are not UTF-8. As Latin-1, each byte is a character.
+            // Older programs write names of segments in other encodings than UTF-8. They are read as Latin-1, in which
+            // each byte is a character.
             Err(error) => {
                 let byte = error.valid_up_to();
                 remarks.push(format!("its header isn't UTF-8 (byte {byte}): names were read as Latin-1"));
@@ -100,18 +101,18 @@ impl Header {
         self.fields.get(&name.replace(' ', "")).map(String::as_str)
     }
 
-    /// Value of a field that must be there.
+    /// Value of a field that a file must have.
     pub(super) fn required(&self, name: &str) -> Result<&str, VolumeFault> {
         self.field(name).ok_or_else(|| VolumeFault::Header(format!("the field `{name}` is missing")))
     }
 
-    /// A field's value as one number.
+    /// A field's value as a number; `None` without the field.
     pub(super) fn number<T: std::str::FromStr>(&self, name: &str) -> Result<Option<T>, VolumeFault> {
         let number = |value: &str| value.parse().map_err(|_| bad(name, value, "a number"));
         self.field(name).map(number).transpose()
     }
 
-    /// A field's value as numbers with spaces between them.
+    /// A field's value as numbers separated by spaces; `None` without the field.
     pub(super) fn numbers<T: std::str::FromStr>(&self, name: &str) -> Result<Option<Vec<T>>, VolumeFault> {
         let numbers = |value: &str| {
             value
@@ -122,13 +123,14 @@ impl Header {
         self.field(name).map(numbers).transpose()
     }
 
-    /// A field's value as vectors of three, or `none`, which some programs write as a vector of NaN.
+    /// A field's value as vectors of three numbers. A vector is `None` for `none`, for which some programs write a
+    /// vector of NaN.
     pub(super) fn vectors(&self, name: &str) -> Result<Option<Vec<Option<DVec3>>>, VolumeFault> {
         let expected = "vectors of three numbers, as (1,0,0), or `none` for an axis that isn't one of space";
         self.field(name).map(|value| vectors(value).ok_or_else(|| bad(name, value, expected))).transpose()
     }
 
-    /// A field's value as words, each perhaps in quotes.
+    /// A field's value as words, without their quotes if any.
     pub(super) fn words(&self, name: &str) -> Option<Vec<String>> {
         self.field(name).map(|value| value.split_whitespace().map(|word| word.trim_matches('"').to_owned()).collect())
     }
@@ -157,7 +159,7 @@ fn vectors(mut text: &str) -> Option<Vec<Option<DVec3>>> {
     }
 }
 
-/// `text` with its escapes for line feeds and backslashes replaced.
+/// `text` with escapes replaced by the line feeds and backslashes that they stand for.
 fn unescaped(text: &str) -> String {
     let (mut out, mut chars) = (String::with_capacity(text.len()), text.chars().peekable());
     while let Some(c) = chars.next() {

@@ -1,4 +1,4 @@
-//! NRRD files, with attached or detached data, including 3D Slicer's segmentations.
+//! NRRD files with attached or detached data, including segmentations of 3D Slicer.
 
 mod header;
 mod segments;
@@ -16,10 +16,10 @@ use super::raw::{Layers, RawVolume};
 use super::source::{Source, file_length, in_data_file, voxel_count};
 use super::{ReadOptions, VolumeFault};
 
-/// Most layers of a segmentation: memory holds a table of labels for each layer.
+/// Largest number of layers of a segmentation; memory holds a table of labels for each.
 const LAYERS_MAX: usize = 512;
 
-/// Volume of a header, up to its blank line, and of the bytes of its data, attached or detached.
+/// Volume from the bytes of a header, up to its blank line, and the bytes of its data, attached or detached.
 ///
 /// # Errors
 /// A header that can't be used, or missing or surplus bytes.
@@ -27,7 +27,7 @@ pub fn decode_nrrd(header: &[u8], data: &[u8], options: ReadOptions) -> Result<R
     Plan::of(&Header::parse(header)?, options)?.read(Source::plain(data, data.len() as u64))
 }
 
-/// Volume in a stream of `length` bytes; `folder` contains the data file that the header may name.
+/// Volume in a stream of `length` bytes. `folder` is the folder of the file; the header may name a data file in it.
 pub(super) fn read_nrrd(
     mut stream: impl BufRead,
     length: u64,
@@ -54,7 +54,7 @@ pub(super) fn read_nrrd(
     data().map_err(|fault| in_data_file(&folder.join(name), unquoted(fault)))
 }
 
-/// The fault without any quoted content of the data file: a header may name any file.
+/// A fault without quotes from the data file's content, since a header may name any file.
 fn unquoted(fault: VolumeFault) -> VolumeFault {
     match fault {
         VolumeFault::Text { index, kind, .. } => {
@@ -64,7 +64,7 @@ fn unquoted(fault: VolumeFault) -> VolumeFault {
     }
 }
 
-/// Plan for reading the data and interpreting it.
+/// Plan for reading the data of a header.
 struct Plan<'a> {
     header: &'a Header,
     size: [usize; 3],
@@ -115,7 +115,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The axis that counts layers, if there is one.
+/// Index of the axis that counts layers, if there is one.
 fn list_axis(header: &Header, dimension: usize) -> Result<Option<usize>, VolumeFault> {
     let kinds = header.words("kinds").unwrap_or_default();
     let kind = |axis: usize| kinds.get(axis).map_or("???", String::as_str);
@@ -129,7 +129,7 @@ fn list_axis(header: &Header, dimension: usize) -> Result<Option<usize>, VolumeF
     } else if dimension == 4 && !kinds.is_empty() {
         (0..dimension).find(|axis| !is_space(*axis))
     } else if dimension == 4 {
-        // An axis whose spacing isn't a number is not an axis of space.
+        // An axis whose spacing isn't a number is no axis of space.
         let spacings: Vec<f64> = header.numbers("spacings")?.unwrap_or_default();
         spacings.iter().position(|spacing| spacing.is_nan())
     } else {
@@ -181,7 +181,7 @@ fn placement(
     lps_mm(DAffine3::from_scale(spacing), axes, unit)
 }
 
-/// Axes of a `space`; none for spaces that don't refer to a patient.
+/// Patient axes of the value of `space`; `None` for a space that doesn't refer to a patient.
 fn space(name: &str) -> Result<Option<PatientAxes>, VolumeFault> {
     Ok(Some(match name.to_ascii_lowercase().as_str() {
         "lps" | "left-posterior-superior" => PatientAxes::Lps,
@@ -198,7 +198,7 @@ fn space(name: &str) -> Result<Option<PatientAxes>, VolumeFault> {
     }))
 }
 
-/// Name of the unit of length, and that unit in mm.
+/// Name of the unit of length, and its length in mm.
 fn unit(header: &Header) -> Result<(&'static str, f64), VolumeFault> {
     let Some(words) = header.words("space units") else { return Ok(("none stated, mm assumed", 1.0)) };
     let mut units = words.iter().map(|word| match word.to_lowercase().as_str() {

@@ -1,4 +1,4 @@
-//! Segments of 3D Slicer's `.seg.nrrd` files, from the pairs `SegmentN_…` of the header.
+//! Segments of 3D Slicer's `.seg.nrrd` files, from the header's pairs `SegmentN_…`.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::super::label_names::LabelNames;
 use super::super::nifti::byte;
 use super::super::{Segment, VolumeFault};
 
-/// Values of one segment's keys.
+/// Values of the keys of one segment.
 #[derive(Debug, Default)]
 struct Keys {
     value: Option<u16>,
@@ -17,8 +17,8 @@ struct Keys {
 }
 
 impl Keys {
-    /// The segment of this number. Early versions of Slicer wrote neither labels nor layers: each segment had label 1
-    /// in a layer of its own. A label without a layer is in the first layer.
+    /// Segment number `number` of the file. Early versions of 3D Slicer wrote neither labels nor layers: each segment
+    /// had label 1 in a layer of its own. A label without a layer is in the first layer.
     fn segment(self, number: usize) -> Segment {
         let Self { value, layer, name, colour, terminology } = self;
         let layer = layer.unwrap_or(if value.is_some() { 0 } else { number });
@@ -26,10 +26,10 @@ impl Keys {
     }
 }
 
-/// Segments in the order of their numbers.
+/// Segments in the order of their numbers `N`.
 ///
 /// # Errors
-/// A layer or label that isn't a number in its range, or a label with two names.
+/// A layer or label that isn't a number in its range; a label with two names.
 pub(super) fn segments(pairs: &[(String, String)]) -> Result<Vec<Segment>, VolumeFault> {
     let mut numbered: BTreeMap<usize, Keys> = BTreeMap::new();
     for (key, value) in pairs {
@@ -61,7 +61,8 @@ fn colour(value: &str) -> Option<[u8; 3]> {
     <[f64; 3]>::try_from(channels?).ok().map(|channels| channels.map(byte))
 }
 
-/// Meanings of type, modifier, region and the region's modifier in the `TerminologyEntry` of a segment's tags.
+/// Meanings of the terms in the `TerminologyEntry` of a segment's tags: type, modifier, region and the region's
+/// modifier.
 fn terminology(tags: &str) -> Option<String> {
     let entry = tags.split('|').find_map(|tag| tag.trim().strip_prefix("TerminologyEntry:"))?;
     // Fields: context, category, type, modifier, context of the region, region, modifier of the region.

@@ -7,7 +7,7 @@ use super::*;
 const PLACED: &str =
     "space: left-posterior-superior\nspace directions: (2,0,0) (0,3,0) (0,0,4)\nspace origin: (10,20,30)\n";
 
-/// A header of the test volume with these lines instead of the usual ones.
+/// A header of the test volume with `lines` at its end.
 fn header(kind: &str, encoding: &str, lines: &str) -> String {
     format!("NRRD0004\n# comment\ntype: {kind}\ndimension: 3\nsizes: 4 3 2\nencoding: {encoding}\n{lines}\n")
 }
@@ -213,7 +213,7 @@ fn a_data_file_out_of_the_folder_is_refused_and_nothing_of_it_is_quoted() {
             assert!(!error.contains("hunter"), "{error}");
         }
     }
-    // Files in the folder may be links to private files; their content is not quoted, either.
+    // Files in the folder may be links to private files, so their content is not quoted, either.
     std::fs::write(own.join("notes"), "hunter2").unwrap();
     let error = read("notes", "text");
     assert!(error.contains("value 0 of the text data is not a number") && !error.contains("hunter"), "{error}");
@@ -222,7 +222,7 @@ fn a_data_file_out_of_the_folder_is_refused_and_nothing_of_it_is_quoted() {
         std::os::unix::fs::symlink(&secret, own.join("link")).unwrap();
         assert!(read("link", "text").contains("a link leads out of the folder"));
         nix::unistd::mkfifo(&own.join("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
-        // Opening the pipe would wait for ever.
+        // Opening the pipe would block.
         assert!(read("pipe", "raw").contains("pipe: not a file"));
         assert!(read("/dev/zero", "raw").contains("leads out of the folder"));
     }
@@ -233,7 +233,7 @@ fn a_volume_beyond_the_memory_is_refused_by_its_header() {
     let sizes =
         |text: &str| text.replace("sizes: 4 3 2", "sizes: 1024 1024 1024").replace("type: uchar", "type: float");
     let text = sizes(&header("uchar", "gzip", &format!("{PLACED}endian: little\n")));
-    // 4 GiB of voxels and their labels, from a few bytes.
+    // A few bytes announce 4 GiB of voxels.
     let error = refusal(&text, &gzipped(&[0; 1000]));
     let is_short = error.contains("truncated: the voxels: 4294967296 bytes expected, 1000 found");
     assert!(is_short || error.contains("it needs about 8.6 GB of memory"), "{error}");

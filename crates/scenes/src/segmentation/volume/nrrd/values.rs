@@ -8,10 +8,10 @@ use super::super::samples::Samples;
 use super::super::source::{MAX_BYTES, Source, room_for, within};
 use super::header::Header;
 
-/// `count` values, from the start of the data.
+/// Reads `count` values from `source`, which begins with the data.
 ///
 /// # Errors
-/// An encoding or type that isn't read, missing or surplus bytes.
+/// An encoding or type that isn't read; missing or surplus bytes.
 pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Result<Samples, VolumeFault> {
     let kind = sample_type(header.required("type")?)?;
     let expected = count * kind.size() as u64;
@@ -30,7 +30,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
     let bytes = match encoding.as_str() {
         "raw" => {
             let left = source.left().unwrap_or(0);
-            // Byte skip −1: the data are at the end of the file.
+            // A byte skip of −1 means that the data are the last bytes of the file.
             let skip = if byte_skip == -1 { left.saturating_sub(expected) } else { byte_skip.unsigned_abs() };
             source.skip(skip, "the bytes to skip")?;
             take(&mut source, expected)?
@@ -45,7 +45,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
         }
         _ if is_text => {
             source.skip(byte_skip.max(0).unsigned_abs(), "the bytes to skip")?;
-            // The text and the numbers are in memory at the same time.
+            // Text and numbers are in memory at the same time.
             memory_for(source.left().unwrap_or(0).saturating_add(count.saturating_mul(8)))?;
             let text = source.rest(MAX_BYTES, "the size of the text data in bytes")?;
             return text_values(&text, count, kind);
@@ -59,7 +59,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
     Ok(Samples { kind, big_endian, bytes, scale: None })
 }
 
-/// Exactly `expected` bytes, and no more.
+/// Reads exactly `expected` bytes; an error if more follow.
 fn take(source: &mut Source<'_>, expected: u64) -> Result<Vec<u8>, VolumeFault> {
     let bytes = source.take(expected, "the voxels")?;
     if source.has_more()? { Err(VolumeFault::Surplus { expected }) } else { Ok(bytes) }
@@ -101,7 +101,7 @@ fn sample_type(name: &str) -> Result<Number, VolumeFault> {
     })
 }
 
-/// Numbers with spaces, commas or line ends between them, as 64-bit integers or floats.
+/// Numbers separated by spaces, commas or line ends, as 64-bit integers or floats.
 fn text_values(bytes: &[u8], count: u64, kind: Number) -> Result<Samples, VolumeFault> {
     let name = if kind.is_float() { "float" } else { "integer" };
     let words = bytes.split(|byte| byte.is_ascii_whitespace() || *byte == b',').filter(|word| !word.is_empty());
