@@ -63,7 +63,7 @@
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; post-processing |
-//! | [`settings`] | every setting once |
+//! | [`settings`](mod@settings) | every setting once |
 //! | [`files`], [`statistics`], [`random`], [`names`] | tools |
 //!
 //! All features except `window` are on by default, and `cli` makes the program `insonify`. Without any feature, the

@@ -27,7 +27,7 @@
 //! | [`anatomy`] | scenes: surfaces, tissues, motion, glTF files, bounding-volume hierarchy, checks |
 //! | [`pose`] | poses: their estimation from tracker records, calibration, registration |
 //! | [`acoustics`] | formulas in f64: interfaces, attenuation, decibels, pulse, beam |
-//! | [`settings`] | every setting once: key, unit, range, default, and what a change requires |
+//! | [`settings`](mod@settings) | every setting once: key, unit, range, default, and what a change requires |
 //! | [`files`], [`statistics`], [`random`], [`names`], [`suggest`] | size limits of reading, moments, random numbers, names of enums, spelling |
 //! | [`lanes`], [`simd`] | jobs on several threads, loops on vectors |
 //!

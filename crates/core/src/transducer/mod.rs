@@ -1,4 +1,4 @@
-//! Probe geometry, scanlines, beam and pulse. The probe's settings are in [`settings`](crate::settings).
+//! Probe geometry, scanlines, beam and pulse. The probe's settings are in [`settings`](mod@crate::settings).
 
 mod aberration;
 pub mod contact;

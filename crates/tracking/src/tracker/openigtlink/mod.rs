@@ -2,7 +2,7 @@
 //!
 //! A message is a header of 58 bytes and a body with a CRC-64; numbers are big-endian. [`Decoder`] takes poses from
 //! `TRANSFORM`, `POSITION` and `TDATA` messages and skips all others. [`message`] holds the codec, which the server in
-//! [`crate::sink::openigtlink`] also uses.
+//! `insonify::sink::openigtlink` also uses.
 //!
 //! | message | body |
 //! |---|---|
