@@ -1,4 +1,4 @@
-//! The live page: its WebSocket, its access control, and the page itself in a headless browser.
+//! Tests of the live page: its WebSocket, its access control, and the page itself in a headless browser.
 #![cfg(feature = "browser")]
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -29,7 +29,7 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
 type Socket = WebSocketStream<MaybeTlsStream<tokio::net::TcpStream>>;
 
-/// Limit for tests that hang; far longer than any step takes.
+/// Time limit of tests that might hang; far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(30);
 
 const TOKEN: &str = "a-token-of-some-length";
@@ -77,7 +77,7 @@ async fn connect_with(address: SocketAddr, headers: &[(&'static str, &str)]) -> 
     Ok(connect_async(request).await?.0)
 }
 
-/// A connected page that has read the greeting.
+/// Connects a page, and reads the greeting.
 async fn connect(address: SocketAddr) -> Socket {
     let mut socket = connect_with(address, &[]).await.unwrap();
     assert_eq!(text(&mut socket, "hello").await["tissues"][1]["name"], "liver");
@@ -95,7 +95,7 @@ async fn send(socket: &mut Socket, message: &Value) {
     socket.send(Message::text(message.to_string())).await.unwrap();
 }
 
-/// Next text of this type; others and frames are skipped.
+/// Next text message of the type `kind`; other messages and frames are skipped.
 async fn text(socket: &mut Socket, kind: &str) -> Value {
     loop {
         if let Message::Text(text) = socket.next().await.unwrap().unwrap() {
@@ -107,7 +107,7 @@ async fn text(socket: &mut Socket, kind: &str) -> Value {
     }
 }
 
-/// Next binary message: map, frame number, bytes after the header.
+/// Next binary message: its map, its frame number, and the bytes after the header.
 async fn binary(socket: &mut Socket) -> (u8, u64, Vec<u8>) {
     loop {
         if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap() {
@@ -121,7 +121,7 @@ async fn drawn(socket: &mut Socket, number: u64) {
     send(socket, &json!({"type": "drawn", "number": number})).await;
 }
 
-/// Status line, headers and body of a plain HTTP request.
+/// Response to a plain HTTP request: status line, headers and body.
 fn http(address: SocketAddr, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(LIMIT)).unwrap();
@@ -307,13 +307,13 @@ async fn the_page_answers_behind_a_forwarded_port() {
     }
 }
 
-/// Value of `origins` in an answer, as a station file.
+/// Text of a station file with the line `origins` that an answer advises.
 fn advised(answer: &str) -> String {
     let line = answer.lines().find(|line| line.starts_with("origins = ")).unwrap_or_else(|| panic!("{answer}"));
     format!("[scene]\nphantom = \"obstetric\"\n[browser]\nport = 0\ntoken = \"{TOKEN}\"\n{line}\n")
 }
 
-/// Settings of the page in a station file.
+/// The page's settings in the text of a station file.
 fn settings_of(station: &str) -> Settings {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("station.toml");
@@ -584,7 +584,7 @@ fn a_video_plays_in_a_headless_browser() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Runs a script of tests/browser with the demo.
+/// Runs a script of tests/browser on the demo.
 fn run_script(name: &str) {
     // Next to this test's own directory, `deps`.
     let program = std::env::current_exe().unwrap().parent().unwrap().with_file_name("examples").join("browser_demo");

@@ -1,4 +1,4 @@
-//! The program as seen by a shell: exit codes, messages, files.
+//! Tests of the program as a shell sees it: exit codes, messages, files.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -39,7 +39,7 @@ fn scene(path: &Path, tissue: &str) {
     write_glb(&[surface], path).unwrap();
 }
 
-/// A station file in `dir` with `[scene]` and `rest`.
+/// A station file in `dir`: the table `[scene]`, then `rest`.
 fn station(dir: &TempDir, rest: &str) -> PathBuf {
     let path = dir.path().join("station.toml");
     std::fs::write(&path, format!("[scene]\npath = \"scene.glb\"\n{rest}")).unwrap();
@@ -221,7 +221,7 @@ fn unusable_poses_and_arguments_are_refused() {
     refused(&insonify(&["demo", "--out", text(dir.path()), "--fps", "0"]), &["frames a second"]);
 }
 
-/// `render` of a small station on a machine without a Vulkan driver.
+/// Runs `render` of a small station as on a machine without a Vulkan driver.
 fn render_without_driver(dir: &TempDir, arguments: &[&str]) -> Output {
     let station = station(dir, SMALL);
     let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
@@ -451,7 +451,7 @@ fn a_closed_output_pipe_is_not_a_panic() {
     assert_eq!(output.status.code(), Some(0));
 }
 
-/// A box in gel with a file of standard planes, a station, and a recording of an expert who finds them.
+/// A box in gel with a file of standard planes, a station, and a recording of an expert who finds the planes.
 fn planes_station(dir: &TempDir) -> PathBuf {
     let mesh = cuboid(Vec3::new(-44.0, -60.0, 10.0), Vec3::new(44.0, 60.0, 90.0));
     let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
@@ -624,7 +624,7 @@ fn the_doctor_tells_how_a_wall_aberrates() {
     assert!(at_40_mm["tilt_mrad"][1].as_f64().unwrap() > 50.0 && at_40_mm["wall"].is_string(), "{json}");
 }
 
-/// Writes a grey image of speckle-like levels.
+/// Writes an image with grey levels like those of speckle.
 fn grey_image(path: &Path, width: u32, height: u32, seed: u32) {
     let level = |i: u32| ((i ^ seed.wrapping_mul(77)).wrapping_mul(2_654_435_761) >> 25) as u8 + (i % width) as u8 / 2;
     let pixels: Vec<u8> = (0..width * height).map(level).collect();

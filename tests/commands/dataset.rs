@@ -1,4 +1,4 @@
-//! Data sets as seen by a shell: creation, resumption, refusals.
+//! Tests of data sets as a shell sees them: creation, resumption, refusals.
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

@@ -1,4 +1,4 @@
-//! The examples for newcomers, run on a small station.
+//! Tests of the examples for newcomers, on a small station.
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -24,7 +24,7 @@ use insonify::dataset::{Dataset, Split};
 use insonify::{Frame, Scene};
 use tempfile::TempDir;
 
-/// The examples, and their sources.
+/// The examples, each with the path of its source.
 const EXAMPLES: [(&str, &str); 5] = [
     ("data_set", include_str!("../../examples/data_set.rs")),
     ("first_frame", include_str!("../../examples/first_frame.rs")),

@@ -1,4 +1,4 @@
-//! Files of the program: none that it reads or has recorded is lost, and none stops or hangs it.
+//! Tests of the program's files: those that it reads or has recorded are never lost, and none stops or hangs it.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -56,7 +56,7 @@ impl Fixture {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// Contents of all files of the directory.
+    /// Paths and contents of all files of the directory.
     fn files(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let entries = std::fs::read_dir(&self.dir).unwrap().map(|entry| entry.unwrap().path());
         entries.filter(|path| path.is_file()).map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
@@ -246,7 +246,7 @@ fn a_time_to_finish_that_no_display_can_keep_is_refused() {
     succeeded(&insonify(&["run", &f.station, "--frames", "2", "--sink", "null"]));
 }
 
-/// Frames of an interrupted video.
+/// Number of frames in an interrupted video.
 #[cfg(unix)]
 fn interrupted_frames(bytes: &[u8]) -> usize {
     use shiguredo_mp4::demux::{DemuxError, Fmp4FileDemuxer, Input};

@@ -1,4 +1,4 @@
-//! The program as its users see it: commands, files, scenes, generators, the page.
+//! Tests of the program as its users see it: commands, files, scenes, generators, the page.
 
 // clippy.toml allows this in test functions only, not in their helpers.
 #[allow(clippy::unwrap_used)]

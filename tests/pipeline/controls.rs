@@ -1,4 +1,4 @@
-//! Controls of viewers during a session.
+//! Tests of the controls that viewers use during a session.
 
 use super::*;
 
@@ -64,7 +64,7 @@ fn marks_are_noted_in_order_up_to_the_end() {
     assert!(marks[0].0 > 0 && marks[0].0 < marks[1].0 && summary.stuck.is_empty(), "{marks:?}");
 }
 
-/// A watcher's request for `rays` and three layers.
+/// A viewer's request for `rays` rays and three layers.
 fn quality(rays: u32) -> Control {
     Control::Set(vec![Assignment::new("rays", rays.into()), Assignment::new("layers", 3.0)])
 }

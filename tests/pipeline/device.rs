@@ -1,4 +1,4 @@
-//! Loss of the device.
+//! Loss of the device during a session.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! The end of a session, whatever its parts do.
+//! The end of a session, whatever its parts are doing.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Fakes of everything around a session: device, poses, generator, sinks, observer.
+//! Fakes of everything that a session uses: device, poses, generator, sinks, observer.
 
 use super::*;
 
@@ -7,7 +7,7 @@ pub(super) const SECOND: Duration = Duration::from_secs(1);
 pub(super) const SHAPE: ImageShape = ImageShape { width: 8, height: 4, pixel_mm: 0.5 };
 pub(super) const PIXELS: usize = 32;
 
-/// Masks that show a number: shared, as a renderer's are.
+/// Masks of a frame that carry a number (0 to 255) in every pixel. They are shared, like those of a renderer.
 static MASKS: LazyLock<Vec<Arc<[u8]>>> =
     LazyLock::new(|| (0..=255).map(|tenths| std::iter::repeat_n(tenths, PIXELS).collect()).collect());
 
@@ -19,16 +19,16 @@ pub(super) fn pose(x: f64) -> Pose {
     Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
 }
 
-/// Contact of a probe's face at a time.
+/// Contact of the probe's face with the skin at a time.
 pub(super) type Touch = dyn Fn(Duration) -> Option<Contact> + Send + Sync;
 
 pub(super) type Extra = dyn Fn(Duration, FrameQuality) -> Duration + Send + Sync;
 
-/// Processors shared by frames and generated images if there is no other device.
+/// Processors that frames and generator runs share if there is no other device.
 #[derive(Default)]
 pub(super) struct Processors {
     pub(super) at_work: AtomicU64,
-    /// Number of times that both worked at once.
+    /// Number of times that a frame and a generator run were computed at once.
     pub(super) shared: AtomicU64,
 }
 
@@ -41,22 +41,22 @@ impl Processors {
     }
 }
 
-/// A GPU on its own bus. The fakes render frames on bus 1 and run generators on bus 2.
+/// A GPU on bus `bus`. The fakes render frames on bus 1 and run generators on bus 2.
 pub(super) fn gpu(bus: u8) -> ComputeDevice {
     ComputeDevice::Gpu { vendor: None, address: PciAddress::parse(&format!("0000:{bus:02x}:00.0")) }
 }
 
-/// Times at which a device is at work, from the start to the end of each frame.
+/// Start and end of each frame's or run's work on a device.
 pub(super) type Busy = Arc<Mutex<Vec<(Duration, Duration)>>>;
 
-/// A device that takes `service` per frame, one after another, and fails at frames chosen by `faults`.
+/// A device that renders one frame after another, each in `service`, and fails at the frames that `faults` chooses.
 pub(super) struct Device {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) service: Duration,
-    /// Time of a frame beyond `service`, by time and quality.
+    /// Time beyond `service` that a frame takes, by current time and quality.
     pub(super) extra: Arc<Extra>,
     pub(super) quality: Quality,
-    /// Completion time, pose, whether it has maps, and scene time of each frame.
+    /// For each frame in flight: completion time, pose, whether it has maps, and scene time, s.
     pub(super) in_flight: VecDeque<(Duration, Pose, bool, f64)>,
     pub(super) time_s: f64,
     pub(super) maps: bool,
@@ -64,13 +64,13 @@ pub(super) struct Device {
     pub(super) received: Arc<AtomicU64>,
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) gain_db: f64,
-    /// Processors that make the frames, in `submit`, if any.
+    /// Processors that compute the frames in `submit`, if the device is these.
     pub(super) processors: Option<Arc<Processors>>,
-    /// Device of a renderer without processors.
+    /// Compute device of a renderer that does not use the processors.
     pub(super) compute_device: ComputeDevice,
-    /// Where its times are kept, if anywhere: the list grows.
+    /// List to which the start and end of each frame are appended, if wanted.
     pub(super) busy: Option<Busy>,
-    /// Contact of the face over time.
+    /// Contact of the probe's face with the skin over time.
     pub(super) contact: Arc<Touch>,
 }
 
@@ -150,7 +150,7 @@ impl FrameRenderer for Device {
     }
 }
 
-/// Rebuilds the device; fails `failures` times first.
+/// Builds the device anew; the first `failures` attempts fail.
 pub(super) struct Factory {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) device: Box<dyn Fn() -> Device + Send>,
@@ -182,7 +182,7 @@ impl<F: FnMut(Duration) -> Estimate + Send> PoseSource for Poses<F> {
 
 pub(super) const START_NS: u64 = 1_767_225_600_000_000_000;
 
-/// A tracker whose newest record's first byte came 5 ms before the sample.
+/// Estimate of a tracker at x, whose newest record's first byte came 5 ms before.
 pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
     Estimate {
         scene_from_probe: Some(pose(x)),
@@ -192,7 +192,7 @@ pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
     }
 }
 
-/// A probe that moves at 20 mm/s.
+/// Estimate of a probe that moves along x at 20 mm/s.
 pub(super) fn moving(now: Duration) -> Estimate {
     tracked(now, 20.0 * now.as_secs_f64())
 }
@@ -225,7 +225,7 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGe
     }
 }
 
-/// A controller of the generator `fake` at the default quality, on a device of its own.
+/// A controller with the generator `fake` at the default quality, on a device of its own.
 pub(super) fn with_generator() -> PointController {
     let of = |generator: Option<usize>, error, run_ms| {
         let (quality, error) = (FrameQuality::of(&RenderSettings::default()), BySpeed::all(error));
@@ -235,14 +235,14 @@ pub(super) fn with_generator() -> PointController {
     PointController::new(vec![of(Some(0), 1.0, 1.0), of(None, 2.0, 0.0)], vec!["fake".to_owned()], budget).unwrap()
 }
 
-/// A generator that does `work` on its own device.
+/// A generator that calls `work` in each run, on a device of its own.
 pub(super) fn translate(
     work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send + 'static,
 ) -> Box<dyn FrameGenerators> {
     Box::new(Translate { work, terminator: None, compute_device: gpu(2) })
 }
 
-/// A generator that takes `time` per run and paints 200.
+/// A generator that takes `time` per run and paints every pixel 200.
 pub(super) fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn FrameGenerators> {
     let clock = clock.clone();
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
@@ -284,13 +284,13 @@ pub(super) fn broken() -> SinkError {
     SinkError::FrameRate { fps: 0.0 }
 }
 
-/// Events, and the numbers of poses and settings.
+/// What an observer received: events and changes of marks, and the numbers of poses and settings.
 #[derive(Default)]
 pub(super) struct Counted {
     pub(super) events: Vec<(u64, String)>,
     pub(super) poses: u64,
     pub(super) settings: u64,
-    /// Time, ns, and control of each change of marks.
+    /// Each change of marks: the time since the start of the session, ns, and the control.
     pub(super) marks: Vec<(u64, Control)>,
 }
 

@@ -1,10 +1,10 @@
-//! `docs/metrics.md` explains the fields that a session writes, and no others.
+//! `docs/metrics.md` explains exactly the fields that a session writes.
 
 use std::collections::BTreeSet;
 
 use super::*;
 
-/// Names in the first column of the table below a heading.
+/// Names in the first column of the table below a heading of that document.
 fn documented(heading: &str) -> BTreeSet<String> {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/metrics.md")).unwrap();
     let section = text.split(&format!("## {heading}\n")).nth(1).unwrap().split("\n## ").next().unwrap();

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use super::*;
 
-/// A slow writer.
+/// A writer that is slow.
 struct Slow(Arc<Mutex<Vec<u8>>>);
 
 impl Write for Slow {

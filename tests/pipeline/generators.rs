@@ -1,4 +1,4 @@
-//! Choice between rendered and generated pictures.
+//! The session's choice between rendered and generated pictures.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Generators that hang.
+//! Sessions whose generator hangs.
 
 use super::*;
 

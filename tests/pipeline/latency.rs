@@ -1,11 +1,11 @@
-//! Ticks and latencies of a session: each tick is accounted for, and silence is no latency.
+//! Ticks and latencies of a session. Every tick is accounted for, and a silent tracker counts as no latency.
 
 use insonify::pipeline::ReplayedPoses;
 use insonify::pose::{Estimator, Measurement, Reading, Settings as PoseSettings};
 
 use super::*;
 
-/// A tracker through the estimator of a live session: its poses and their times.
+/// A tracker that passes through the estimator of a live session.
 struct Tracker(ReplayedPoses);
 
 impl Tracker {
@@ -27,7 +27,7 @@ impl PoseSource for Tracker {
     }
 }
 
-/// Times of a tracker of 100 measurements a second for ten seconds, 3 ms after each hundredth.
+/// Times of 100 measurements a second for ten seconds, each 3 ms after a multiple of 10 ms.
 fn hundredths() -> impl Iterator<Item = Duration> {
     (0..1000).map(|i| 10 * MS * i + 3 * MS)
 }

@@ -1,4 +1,5 @@
-//! Sessions with fakes for everything around them, on simulated time, and the program on the real renderer.
+//! Tests of sessions on simulated time, with fakes for everything that they use, and of the program on the real
+//! renderer.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -53,7 +54,7 @@ use serde_json::Value;
 use self::fakes::*;
 use self::session::*;
 
-/// Counts what the whole binary allocates.
+/// Allocator that counts the allocations of the whole test program.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
@@ -78,7 +79,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Tests that count allocations run alone.
+/// Lock that lets tests that count allocations run alone.
 static ALONE: RwLock<()> = RwLock::new(());
 
 fn beside_others() -> impl Drop {

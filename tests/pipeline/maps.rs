@@ -1,8 +1,8 @@
-//! Maps are rendered only while somebody reads them.
+//! Maps of frames are rendered only while somebody reads them.
 
 use super::*;
 
-/// Numbers of the frames that carried maps. Checks that the maps belong to their frame.
+/// Numbers of the frames that had maps. Checks that the maps belong to their frame.
 fn frames_with_maps(
     clock: &Arc<dyn Clock>,
     generators: Option<Box<dyn FrameGenerators>>,

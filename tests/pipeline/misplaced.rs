@@ -1,4 +1,4 @@
-//! A probe where no hand can hold it: told on the frames, in the status, the summary and the recording.
+//! A probe where no hand can hold it is reported on the frames, in the status, the summary and the recording.
 
 use glam::Vec3;
 use insonify::anatomy::analytic::cuboid;

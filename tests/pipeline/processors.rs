@@ -1,9 +1,9 @@
-//! Frames and generated pictures on the same processors, or on the same GPU.
+//! Sessions whose frames and generated pictures share processors, or a GPU.
 
 use super::*;
 
-/// Runs a session at 20 frames/s in which rendering for `service` and generator runs of `run(number)` share the
-/// processors.
+/// Runs a session at 20 frames/s on shared processors. A frame takes `service`, generator run number n takes `run(n)`.
+/// Returns the summary, the frames, and how often both worked at once.
 fn on_shared_processors(
     service: Duration,
     run: impl Fn(u64) -> Duration + Send + 'static,
@@ -72,8 +72,8 @@ fn a_frame_that_is_made_where_it_is_submitted_is_not_held_back() {
     assert!(seen(&log).iter().all(|frame| frame.age == 70 * MS));
 }
 
-/// Runs a session at 20 frames/s in which rendering takes `service` on the fakes' GPU, and generator runs take `run` on `device`.
-/// The last is the time for which a frame and a run were at work at once.
+/// Runs a session at 20 frames/s. A frame takes `service` on the fakes' GPU, a generator run takes `run` on `device`.
+/// Returns the summary, the frames, and the total time for which both worked at once.
 fn with_runs_on(device: ComputeDevice, service: Duration, run: Duration) -> (Summary, Vec<Seen>, Duration) {
     let (clock, log, frames_busy, runs_busy) = (clock(), Log::default(), Busy::default(), Busy::default());
     let (clock_of_run, busy) = (clock.clone(), runs_busy.clone());

@@ -1,4 +1,4 @@
-//! The program itself on the real renderer.
+//! Tests of the program itself on the real renderer.
 
 use super::*;
 
@@ -8,7 +8,7 @@ pub(super) fn insonify(arguments: &[&str]) -> Command {
     command
 }
 
-/// The sphere's station with a small image, for speed on the software device.
+/// Writes the sphere's station with a small image, which is fast on the software device, and the tables `rest`.
 pub(super) fn small_station(directory: &Path, rest: &str) -> String {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
     let path = directory.join("station.toml");
@@ -88,8 +88,8 @@ fn stations_and_flags_that_cannot_run_are_refused() {
     }
 }
 
-/// Runs a session with --json, does something after its first frame, and ends it by SIGINT. Returns the printed summary and the
-/// messages after the first frame.
+/// Runs a session with --json, calls `meanwhile` after the first frame, and ends the session by SIGINT. Returns the
+/// printed summary, and the messages after the first frame.
 #[cfg(unix)]
 fn interrupted(command: &mut std::process::Command, meanwhile: impl FnOnce()) -> (Value, Vec<String>) {
     use std::io::{BufRead, BufReader};
@@ -162,7 +162,7 @@ fn a_log_that_cannot_be_written_costs_no_summary() {
     }
 }
 
-/// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
+/// Tests the complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
 fn the_program_tracks_generates_and_records() {
     use insonify::recording::{RecordingInfo, RecordingWriter, poses};
@@ -206,7 +206,8 @@ fn the_program_tracks_generates_and_records() {
     );
 }
 
-/// The operating point: measured at the first start, kept for the next unless disturbed or damaged, said on every line.
+/// The operating point is measured at the first start, kept for the next unless disturbed or damaged, and shown on
+/// every line.
 #[test]
 fn the_program_chooses_its_point_and_keeps_its_times() {
     let _guard = beside_others();

@@ -1,11 +1,11 @@
-//! Operating points under a time budget.
+//! Choice of operating points (quality and generator) under a time budget.
 
 use super::*;
 
-/// Rays and layers of the rendered points, and their errors.
+/// Operating points without a generator: rays, layers, and image error.
 const RAW: [(u32, u32, f64); 5] = [(1, 1, 20.0), (1, 3, 16.0), (2, 3, 15.0), (4, 3, 14.0), (8, 3, 13.0)];
 
-/// Time of a frame, ms: 1x1 9, 1x3 12, 2x3 16, 4x3 24, 8x3 40.
+/// Rendering time of a frame, ms: 9 at 1x1, 12 at 1x3, 16 at 2x3, 24 at 4x3, 40 at 8x3.
 fn cost_ms(quality: FrameQuality) -> f64 {
     7.9 + 1.34 * f64::from(quality.paths())
 }
@@ -16,7 +16,7 @@ fn raw(&(rays, layers, error): &(u32, u32, f64)) -> Candidate {
     Candidate { quality, generator: None, error: BySpeed::all(error), render_ms, run_ms: 0.0 }
 }
 
-/// A session with a budget of 40 ms, whose frames take twice as long from 20 s to 60 s.
+/// A session with a budget of 40 ms per frame, whose frames take twice as long from 20 s to 60 s.
 fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>, points: PointController) -> Session {
     let extra: Arc<Extra> = Arc::new(move |now, point| {
         let slow = if (20 * SECOND..60 * SECOND).contains(&now) { 2.0 } else { 1.0 };
@@ -33,7 +33,7 @@ fn controller(candidates: Vec<Candidate>, generators: &[&str]) -> PointControlle
     PointController::new(candidates, names, budget).unwrap()
 }
 
-/// Events about the quality, with their times in whole seconds.
+/// Events about the quality, each with its time in whole seconds.
 fn said_of_quality(heard: &Heard) -> Vec<(u64, String)> {
     let heard = heard.0.lock().unwrap();
     let said = heard.events.iter().filter_map(|(at, text)| Some((*at, text.strip_prefix("quality: ")?)));

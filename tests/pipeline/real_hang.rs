@@ -1,7 +1,8 @@
-//! A device that stops answering in a live session of the real renderer: software Vulkan, busy with an injected dispatch.
+//! A device that stops answering in a live session of the real renderer: software Vulkan, kept busy by an injected
+//! dispatch.
 //!
-//! Times depend on what else the machine does, so they are printed and not asserted. Counts and orders are asserted: a picture
-//! follows while the hang still lasts.
+//! Times depend on the load of the machine, so they are printed and not asserted. Counts and orders are asserted: a
+//! picture follows while the hang still lasts.
 
 use insonify::pipeline::{LiveStation, LocalRendererFactory, RecordedSlot, TrackedPoses};
 use insonify::recording::{DecodedRecording, Item, Recorded, RecordingReader, RecordingSummary, read_all, stream_of};
@@ -11,9 +12,9 @@ use insonify::station::Station;
 use super::program::small_station;
 use super::*;
 
-/// Pictures before the hang.
+/// Number of pictures before the hang.
 const BEFORE: usize = 15;
-/// Pictures after it that end the session.
+/// Number of pictures after the hang that end the session.
 const AFTER: usize = 10;
 
 /// A presented frame.
@@ -21,24 +22,24 @@ const AFTER: usize = 10;
 struct Shown {
     number: u64,
     presented: Duration,
-    /// Pose of the picture; none of a black frame.
+    /// Pose of the picture; `None` for a black frame.
     pose: Option<Pose>,
     is_black: bool,
     notice: Option<String>,
-    /// Whether the hang had begun.
+    /// Whether the hang had begun when the frame was presented.
     begun: bool,
-    /// Whether it had begun, and was not over.
+    /// Whether the device hung when the frame was presented.
     hangs: bool,
 }
 
-/// What the session told the recorder.
+/// Numbers of poses and events that the session passed to the recorder.
 #[derive(Default)]
 struct Told {
     poses: AtomicU64,
     events: AtomicU64,
 }
 
-/// Counts and hands on what a recording's observer is told.
+/// Observer that counts what it is told, and passes it on to a recording.
 struct Counting {
     told: Arc<Told>,
     recording: Arc<dyn Observer>,
@@ -74,8 +75,8 @@ struct Outcome {
     read_poses: Vec<Pose>,
 }
 
-/// A sink that injects the hang after [`BEFORE`] pictures, and ends the session [`AFTER`] pictures after a black frame, or after
-/// the hang.
+/// A sink that injects the hang after [`BEFORE`] pictures. It ends the session [`AFTER`] pictures after a black frame,
+/// or after the hang.
 fn watching(hang: &InjectedHang, stop: &Stop, shown: &Arc<Mutex<Vec<Shown>>>) -> Box<dyn LiveSink> {
     let (hang, stop, shown, mut after) = (hang.clone(), stop.clone(), shown.clone(), 0);
     sink("watching", move |frame| {
@@ -105,12 +106,12 @@ fn watching(hang: &InjectedHang, stop: &Stop, shown: &Arc<Mutex<Vec<Shown>>>) ->
     })
 }
 
-/// Whether the device is software: a GPU has limits and speeds of its own.
+/// Whether the device is software; only such a device has known limits and speeds.
 fn is_software() -> bool {
     Backend::open(BackendChoice::Device).unwrap().compute_device() == ComputeDevice::Processors
 }
 
-/// A live session of a small station with a mock tracker and a recording, on a device that hangs for about `hang`.
+/// Runs a live session of a small station with a mock tracker and a recording, on a device that hangs for about `hang`.
 fn session_that_hangs(hang: Duration, limit: Option<Duration>) -> Outcome {
     let _guard = beside_others();
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! A session of fakes, and the record of its frames.
+//! Session with fakes, and a log of its frames.
 
 use super::*;
 
@@ -50,7 +50,7 @@ pub(super) fn seen(log: &Log) -> Vec<Seen> {
     std::mem::take(&mut log.lock().unwrap())
 }
 
-/// A session at 20 frames a second on a device that takes 20 ms.
+/// Parts of a session at 20 frames a second, on a device that takes 20 ms per frame.
 pub(super) struct Session {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) stop: Stop,
@@ -184,7 +184,7 @@ pub(super) fn all_counted(summary: &Summary) {
     }
 }
 
-/// Number of changes between rendered and generated images, and whether one is reversed at the next frame.
+/// Number of changes between rendered and generated images, and whether a change is reversed at the very next frame.
 pub(super) fn changes(frames: &[Seen]) -> (usize, bool) {
     let generated: Vec<bool> = frames.iter().map(|f| f.source != FrameSource::Raw).collect();
     let changes = generated.windows(2).filter(|w| w[0] != w[1]).count();

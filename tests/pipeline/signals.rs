@@ -1,4 +1,4 @@
-//! Signals to the program.
+//! Tests of signals to the program.
 
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -11,10 +11,10 @@ use nix::unistd::Pid;
 use super::program::{insonify, small_station};
 use super::*;
 
-/// Limit for a program that hangs; far longer than its end takes.
+/// Time limit for a program that hangs; far longer than it takes to end.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Starts the program with a mock tracker and SIGHUP as `hangup` says, and waits until it has said `word`.
+/// Starts the program with a mock tracker, with SIGHUP handled by `hangup`. Waits until the program has printed `word`.
 fn started(arguments: &[&str], hangup: SigHandler, word: &str) -> (Child, impl Iterator<Item = String> + use<>) {
     let mut command = insonify(arguments);
     // SAFETY: `signal` is safe to call between fork and exec, and it installs no function.

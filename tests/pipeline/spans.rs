@@ -1,4 +1,4 @@
-//! Spans of the stages: each carries the frame's number and times.
+//! Tracing spans of the pipeline's stages: each carries the frame's number and times.
 
 use std::collections::BTreeMap;
 
@@ -9,10 +9,10 @@ use tracing::{Event, Metadata, Subscriber};
 
 use super::*;
 
-/// Fields of a span by their names.
+/// Values of a span's fields by their names.
 type Fields = BTreeMap<&'static str, f64>;
 
-/// Names and fields of spans, in the order of their start.
+/// Name and fields of each span, in the order in which spans start.
 type Spans = Arc<Mutex<Vec<(&'static str, Fields)>>>;
 
 /// Keeps every span of the library while `CAPTURES` is set; it stays installed for later tests.

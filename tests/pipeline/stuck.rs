@@ -1,4 +1,4 @@
-//! A sensor that freezes, from its measurements to each display.
+//! A sensor that freezes: effects from its measurements to each display.
 
 use std::io::Read;
 use std::net::TcpStream;
@@ -15,13 +15,13 @@ use tokio_tungstenite::tungstenite::Message;
 
 use super::*;
 
-/// The sensor repeats one reading from here on, until it moves again.
+/// Time at which the sensor freezes: it repeats one reading until it moves again.
 const FROZEN_AT: Duration = Duration::from_secs(3);
 const MOVES_AGAIN: Duration = Duration::from_secs(8);
 /// Default of `[filter] stuck_ms`.
 const THRESHOLD: Duration = Duration::from_secs(2);
 
-/// A tracker at 60 measurements a second, through the estimator of a live session.
+/// A tracker of 60 measurements a second that passes through the estimator of a live session.
 struct Tracker(ReplayedPoses);
 
 impl Tracker {
@@ -43,7 +43,7 @@ impl PoseSource for Tracker {
     }
 }
 
-/// Runs the session; returns its frames and their number by state.
+/// Runs the session; returns its frames, and their number for each tracking state.
 fn session(observer: Option<Arc<dyn Observer>>) -> (Vec<PresentedFrame>, [u64; 5]) {
     let clock = clock();
     let frames = Arc::<Mutex<Vec<PresentedFrame>>>::default();
@@ -131,10 +131,10 @@ fn the_recording_says_that_the_sensor_is_stuck() {
     assert!(limit.contains(&events[0]) && limit.contains(&poses[0]), "{} {}", events[0], poses[0]);
 }
 
-/// Wait before a frame is presented again.
+/// Time after which a frame is presented again.
 const AGAIN: Duration = Duration::from_millis(200);
 
-/// The first message that a page gets of `frame`.
+/// The first message that a page receives for `frame`.
 fn page_header(frame: &PresentedFrame) -> Vec<u8> {
     let scene = SceneInfo::default();
     let (sender, _controls) = tokio::sync::mpsc::channel(1);
@@ -157,7 +157,7 @@ fn page_header(frame: &PresentedFrame) -> Vec<u8> {
     bytes
 }
 
-/// The messages of `frame` to an OpenIGTLink client: type and body.
+/// The messages that an OpenIGTLink client receives for `frame`: type and body.
 fn openigtlink_messages(frame: &PresentedFrame) -> Vec<(String, Vec<u8>)> {
     let mut server = OpenIgtLink::new(IgtlSettings { port: 0, ..IgtlSettings::default() }, Probe::default()).unwrap();
     let mut stream = TcpStream::connect(server.address()).unwrap();

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-/// The program with these arguments, run in the repository.
+/// Command that runs the program with these arguments in the repository's root.
 pub(crate) fn program(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
     command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -17,7 +17,7 @@ pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Asserts that a command was refused: exit code 2, no panic, and a message that contains all of `words`.
+/// Asserts that the program refused its input: exit code 2, no panic, and a message that contains all of `words`.
 #[track_caller]
 pub(crate) fn refused(output: &Output, words: &[&str]) {
     let message = stderr(output);

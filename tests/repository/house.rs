@@ -1,9 +1,10 @@
-//! Order of the rooms within each crate, and no circles: a room imports only rooms below it, and files of a folder do not
-//! import each other in a circle. Cargo enforces the order of the crates. Last, the script that runs all tests.
+//! Tests of the modules' order. A room is a top-level module of a crate. Within a crate, a room imports only rooms
+//! below it, and the files of a folder do not import each other in a circle. Cargo enforces the order of the crates.
+//! The last test is of the script that runs all tests.
 //!
-//! Read are the tokens of the source: `use` trees and inline paths that begin with `crate`, `super`, `self` or the name of a
-//! submodule. A name that a module re-exports counts for the file that it comes from. Code under `#[cfg(test)]` is
-//! skipped. A folder's `mod.rs` is exempt: it holds the folder's list of modules and their shared items.
+//! The tests read the tokens of the source: `use` trees, and inline paths that begin with `crate`, `super`, `self` or a
+//! submodule's name. A name that a module re-exports counts for the file that it comes from. Code under `#[cfg(test)]`
+//! is skipped. A folder's `mod.rs` is exempt, since it holds the folder's list of modules and their shared items.
 
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used)]
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
-/// Rooms from the highest to the lowest. Those of one line do not import each other.
+/// Rooms from the highest to the lowest. Rooms in one line do not import each other.
 const ORDER: [&[&str]; 21] = [
     &["pipeline"],
     &["chooser"],
@@ -41,17 +42,17 @@ const ORDER: [&[&str]; 21] = [
 
 type Module = Vec<String>;
 
-/// Modules of a crate and the paths that each names.
+/// Modules of a crate, and the paths that each of them names.
 #[derive(Default)]
 struct House {
-    /// Paths named by a module, absolute.
+    /// For each module, the absolute paths that it names.
     named: BTreeMap<Module, BTreeSet<Module>>,
-    /// Names that a module re-exports, and the paths behind them.
+    /// For each module, the names that it re-exports, with the paths behind them.
     exported: BTreeMap<Module, BTreeMap<String, Module>>,
 }
 
 impl House {
-    /// All files below `folder`, except those directly in it with a name in `without`.
+    /// Reads all files below `folder`, except those directly in it whose name is in `without`.
     fn read(folder: &str, without: &[&str]) -> Self {
         let folder = root().join(folder);
         let mut house = Self::default();
@@ -80,7 +81,7 @@ impl House {
         self.exported.insert(module, file.exported);
     }
 
-    /// The module that holds what `path` names: the longest prefix that is a module, re-exports followed.
+    /// Module that contains the item at `path`: the longest prefix that is a module, with re-exports followed.
     fn holder(&self, path: &[String], depth: usize) -> Module {
         let mut module = Module::new();
         for name in path {
@@ -99,13 +100,13 @@ impl House {
         module
     }
 
-    /// Pairs (who, whom) of modules of which the first names the second, without modules of `tests`.
+    /// Pairs of modules, the first of which names the second. Modules called `tests` are left out.
     fn edges(&self) -> impl Iterator<Item = (&Module, Module)> {
         let code = self.named.iter().filter(|(module, _)| !module.iter().any(|m| m.contains("tests")));
         code.flat_map(move |(module, paths)| paths.iter().map(move |path| (module, self.holder(path, 0))))
     }
 
-    /// Edges that point upward or sideways in `ORDER`.
+    /// Edges to a room that is higher, or in the same line of `ORDER`, as text.
     fn upward(&self) -> BTreeSet<String> {
         let rank = |module: &[String]| {
             let top = module.first()?.as_str();
@@ -127,7 +128,8 @@ impl House {
         wrong
     }
 
-    /// Circles among the files and folders directly in `folder`: each file in a circle with its way back to itself.
+    /// Circles of imports among the files and folders directly in `folder`, as text: for each file in a circle, the way
+    /// back to itself.
     fn circles(&self, folder: &[String]) -> Vec<String> {
         let child = |module: &[String]| module.strip_prefix(folder).and_then(|rest| rest.first().cloned());
         let mut graph: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -142,7 +144,7 @@ impl House {
     }
 }
 
-/// Shortest way from `start` to itself.
+/// Shortest path of edges from `start` back to itself.
 fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<Vec<String>> {
     let mut ways = vec![vec![start.to_owned()]];
     let mut seen = BTreeSet::new();
@@ -161,12 +163,12 @@ fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<V
     None
 }
 
-/// Whether a token is this word or mark.
+/// Whether a token is this word or punctuation mark.
 fn is(token: &TokenTree, text: &str) -> bool {
     !matches!(token, TokenTree::Group(_) | TokenTree::Literal(_)) && token.to_string() == text
 }
 
-/// The group of a token between these delimiters.
+/// The token's group, if it has these delimiters.
 fn group(token: &TokenTree, delimiter: Delimiter) -> Option<&proc_macro2::Group> {
     match token {
         TokenTree::Group(group) if group.delimiter() == delimiter => Some(group),
@@ -177,14 +179,14 @@ fn group(token: &TokenTree, delimiter: Delimiter) -> Option<&proc_macro2::Group>
 /// Paths that one file names.
 struct File {
     module: Module,
-    /// Modules of the file that have files of their own.
+    /// Submodules that have files of their own.
     children: BTreeSet<String>,
     named: BTreeSet<Module>,
     exported: BTreeMap<String, Module>,
 }
 
 impl File {
-    /// The path from the crate's root; `None` for paths of other crates and of local names.
+    /// `path` from the crate's root; `None` for paths into other crates and for local names.
     fn absolute(&self, path: &[String]) -> Option<Module> {
         let (mut at, mut rest) = (self.module.clone(), path);
         match path.first()?.as_str() {
@@ -202,7 +204,7 @@ impl File {
         Some(at)
     }
 
-    /// Notes the paths of code that runs, in macros too.
+    /// Records the paths in code that is not a test, including those in macros.
     fn scan(&mut self, tokens: impl IntoIterator<Item = TokenTree>) {
         let mut tokens = tokens.into_iter().peekable();
         let (mut path, mut colons, mut public) = (Module::new(), 0, false);
@@ -235,7 +237,7 @@ impl File {
         self.name(&mut path);
     }
 
-    /// Notes an inline path and empties it; a single word is a local name.
+    /// Records an inline path and empties it. A single word is a local name and is left out.
     fn name(&mut self, path: &mut Module) {
         let path = std::mem::take(path);
         if path.len() > 1 {
@@ -243,7 +245,7 @@ impl File {
         }
     }
 
-    /// Notes the paths of a `use` tree below `prefix`.
+    /// Records the paths of a `use` tree below `prefix`.
     fn import(&mut self, prefix: &[String], tree: &[TokenTree], public: bool) {
         for branch in tree.split(|token| is(token, ",")) {
             let words = branch.iter().filter(|token| matches!(token, TokenTree::Ident(_))).map(ToString::to_string);
@@ -268,10 +270,10 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Source folders of the crates, from the root.
+/// Source folders of the crates, relative to the repository's root.
 const CRATES: [&str; 5] = ["src", "crates/core/src", "crates/tracking/src", "crates/scenes/src", "crates/render/src"];
 
-/// Rust files below a folder.
+/// Paths of the Rust files below a folder.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -285,12 +287,12 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The libraries of this repository; commands and `main` see them from outside.
+/// The libraries of this repository, without `main` and the commands, which use them from outside.
 fn libraries() -> [House; 5] {
     CRATES.map(|folder| House::read(folder, &["main", "commands"]))
 }
 
-/// The binary's files; the library is another crate to them.
+/// The files of the commands; to them, the library is another crate.
 fn commands() -> House {
     let mut house = House::read("src", &["main", "lib"]);
     house.named.retain(|module, _| module.first().is_some_and(|top| top == "commands"));
@@ -309,7 +311,7 @@ fn no_module_knows_one_above_it() {
     assert!(count > 500, "the source was not read");
 }
 
-/// Rooms that `text` names as `before NAME after`, from the top down.
+/// Rooms that occur in `text` between `before` and `after`, in order.
 fn listed(text: &str, before: &str, after: &str) -> Vec<String> {
     let names = text.match_indices(before).filter_map(|(at, _)| text[at + before.len()..].split_once(after));
     let known = |name: &&str| ORDER.iter().any(|line| line.contains(name));
@@ -353,7 +355,7 @@ fn no_files_of_a_folder_import_each_other_in_a_circle() {
     }
 }
 
-/// Files of subcommands, and those of other subcommands that name them.
+/// Names of the subcommands' modules, and the imports of one subcommand's module by another's, as text.
 fn subcommands_known_by_others(house: &House) -> (BTreeSet<String>, BTreeSet<String>) {
     let root = vec!["commands".to_owned()];
     let args = |path: &Module| (path.len() == 3 && path[2] == "Args").then(|| path[1].clone());
@@ -380,13 +382,13 @@ fn only_the_list_of_commands_knows_a_subcommand() {
     assert_eq!(subcommands_known_by_others(&house).1.len(), 1);
 }
 
-/// Lines that a function may have.
+/// Largest number of lines of a function.
 const FUNCTION_LINES_MAX: usize = 100;
 
-/// Functions that are tables, one entry after another.
+/// Functions that are exempt because they are tables, one entry after another.
 const TABLES: [(&str, &str); 1] = [("crates/render/src/twin/inputs.rs", "new")];
 
-/// Names and lines of functions with a body, from `fn` on.
+/// Functions with a body: their names, and their numbers of lines from `fn` on.
 fn functions(tokens: TokenStream) -> Vec<(String, usize)> {
     let mut found = Vec::new();
     // Line of the latest `fn`, and the name after it.

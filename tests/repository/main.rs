@@ -1,4 +1,4 @@
-//! The repository itself: its documents and the order of its modules.
+//! Tests of the repository itself: its documents and the order of its modules.
 
 mod documents;
 mod house;

@@ -1,13 +1,14 @@
-//! Frames of shipped scenes against committed SHA-256 sums: a change that is not meant to alter images alters no bit.
+//! Comparison of shipped scenes' frames with committed SHA-256 sums. A change that is not meant to alter images must
+//! not alter a bit.
 //!
-//! The host has sums, and the software device of the version that the file names. Another device, a real GPU for
-//! example, rounds differently: its frames must be the same from run to run.
+//! There are sums for the host, and for the software device of the version that the file names. Another device, such as
+//! a real GPU, rounds differently: its frames must only be the same from run to run.
 //!
-//! A sum does not say how much a frame moved. Some frames of the host have a stored picture too, every eighth pixel of their
-//! B-mode image, and a failure says how far the frame is from it.
+//! A sum does not say how much a frame differs. For some frames of the host, a picture is stored, too: every eighth
+//! pixel of the B-mode image. A failure states the difference from it.
 //!
-//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test simulation frames:: -- --include-ignored` rewrites sums and pictures after a change
-//! that is meant to alter images.
+//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test simulation frames:: -- --include-ignored` rewrites sums and
+//! pictures after a change that is meant to alter images.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -26,7 +27,7 @@ use insonify::sink::png::{Effort, write_grey};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
-/// Scenes of `configs/`, and the obstetric phantom with few triangles.
+/// Names of scenes in `configs/`, and of the obstetric phantom with few triangles.
 const SCENES: [&str; 9] = [
     "sphere",
     "slabs",
@@ -39,10 +40,10 @@ const SCENES: [&str; 9] = [
     "obstetric",
 ];
 
-/// Time of scenes that move, s.
+/// Time at which moving scenes are rendered, s.
 const TIME_S: f64 = 3.2;
 
-/// Name, rays, layers, and effect choices.
+/// Name of a variant, with its rays, layers and effect choices.
 type Variant = (&'static str, u32, u32, &'static [(Effect, Choice)]);
 
 const VARIANTS: [Variant; 4] = [
@@ -74,7 +75,7 @@ const VARIANTS: [Variant; 4] = [
     ),
 ];
 
-/// Frames with a stored picture: each scene at its lowest quality, and the obstetric scene in each variant.
+/// Whether a frame has a stored picture: each scene at its lowest quality, and the obstetric scene in each variant.
 fn has_picture(scene: &str, variant: &str) -> bool {
     variant == "lq" || scene == "obstetric"
 }
@@ -82,10 +83,10 @@ fn has_picture(scene: &str, variant: &str) -> bool {
 /// Number of frames with a stored picture.
 const PICTURES: usize = SCENES.len() + VARIANTS.len() - 1;
 
-/// Distance of the pixels of a stored picture.
+/// Distance between the pixels of a stored picture, in pixels of the frame.
 const STEP: usize = 8;
 
-/// Largest difference of the mean grey level, and least SSIM, of a frame that differs from its picture by rounding alone.
+/// Limits of a difference that is rounding alone: largest difference of the mean grey level, and smallest SSIM.
 const LEVEL_MAX: f64 = 0.25;
 const SSIM_MIN: f64 = 0.99;
 
@@ -116,7 +117,7 @@ fn station_and_scene(name: &str) -> (Station, Scene) {
     (station, scene)
 }
 
-/// Sum of everything in a frame except its times.
+/// SHA-256 sum of everything in a frame except its times.
 fn sum(frame: &Frame) -> String {
     let mut sha = Sha256::new();
     sha.update(frame.width.to_le_bytes());
@@ -149,7 +150,7 @@ impl Picture {
         Self { size: [width.div_ceil(STEP), (frame.height as usize).div_ceil(STEP)], levels }
     }
 
-    /// The stored picture of a frame.
+    /// The stored picture for a frame.
     fn stored(name: &str) -> Self {
         let path = picture_file(name);
         let image = image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).into_luma8();
@@ -163,7 +164,7 @@ impl Picture {
         write_grey(&path, width, height, &self.levels, Effort::Small).unwrap();
     }
 
-    /// How far this picture is from `other`.
+    /// Differences of this picture from `other`.
     fn moved(&self, other: &Self) -> Moved {
         assert_eq!(self.size, other.size, "the picture has another size");
         let mean = |levels: &[u8]| levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64;
@@ -176,12 +177,12 @@ impl Picture {
     }
 }
 
-/// Distance of a picture from another one.
+/// Differences of a picture from another one.
 #[derive(Debug, Clone, Copy)]
 struct Moved {
-    /// Difference of the mean grey levels.
+    /// Difference of the mean grey level.
     level: f64,
-    /// Largest difference of grey levels.
+    /// Largest difference of a grey level.
     most: u8,
     ssim: f64,
 }
@@ -197,16 +198,16 @@ impl Moved {
     }
 }
 
-/// What is compared of rendered frames.
+/// Sums and pictures of rendered frames, for comparison.
 #[derive(Debug, Default)]
 struct Rendered {
-    /// Sums of all scenes and variants, by name.
+    /// Sums of all scenes and variants, by `PLACE/SCENE/VARIANT`; the place is `host` or `device`.
     sums: BTreeMap<String, String>,
-    /// Pictures of some, by the name without the place.
+    /// Pictures of some frames, by `SCENE/VARIANT`.
     pictures: BTreeMap<String, Picture>,
 }
 
-/// All scenes and variants, rendered by `backend`.
+/// Renders all scenes and variants by `backend`.
 fn render(place: &str, backend: &Backend) -> Rendered {
     let mut rendered = Rendered::default();
     let mut frame = Frame::default();
@@ -242,10 +243,10 @@ fn render(place: &str, backend: &Backend) -> Rendered {
     rendered
 }
 
-/// Before the name of the driver that made the device's sums.
+/// Start of the line that names the driver of the device's sums.
 const DRIVER: &str = "# device: ";
 
-/// The committed sums, and the driver of those of the device.
+/// The committed sums by name, and the driver of the device's sums.
 fn committed() -> (BTreeMap<String, String>, String) {
     let text = std::fs::read_to_string(sums_file()).unwrap_or_default();
     let driver = text.lines().find_map(|line| line.strip_prefix(DRIVER)).unwrap_or_default().to_owned();
@@ -257,7 +258,8 @@ fn committed() -> (BTreeMap<String, String>, String) {
     (sums.collect(), driver)
 }
 
-/// Replaces the committed sums of `place`, and the host's pictures, if `INSONIFY_WRITE_SUMS` is set; returns whether it is.
+/// If `INSONIFY_WRITE_SUMS` is set, replaces the committed sums of `place`, and the pictures if that is the host.
+/// Returns whether it is set.
 fn rewrite(place: &str, found: &Rendered, driver: Option<String>) -> bool {
     // Both tests may run at once.
     static FILE: Mutex<()> = Mutex::new(());
@@ -281,7 +283,7 @@ fn rewrite(place: &str, found: &Rendered, driver: Option<String>) -> bool {
     true
 }
 
-/// Checks that the sums of `found` are those of `expected`. A failure says how far frames are from the pictures of the host.
+/// Checks that the sums of `found` are those of `expected`. A failure states the differences from the host's pictures.
 fn check(found: &Rendered, expected: &BTreeMap<String, String>, device: &str) {
     assert_eq!(found.sums.len(), SCENES.len() * VARIANTS.len());
     let other = found.sums.iter().filter(|&(name, sum)| expected.get(name) != Some(sum)).map(|(name, _)| name);
@@ -352,7 +354,7 @@ fn frames_traced_by_lanes_equal_the_committed_ones_bit_for_bit() {
     check(&render("device", &lanes), &sums_of(&lanes), &lanes.to_string());
 }
 
-/// The committed sums of a device; those of another run where they are of another driver.
+/// Expected sums for a device: the committed ones, or those of a second run if the device has another driver.
 fn sums_of(device: &Backend) -> BTreeMap<String, String> {
     let (committed, driver) = committed();
     if device.driver() == driver {

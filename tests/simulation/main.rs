@@ -1,4 +1,4 @@
-//! Pictures against physics, wave theory, twins and stored sums.
+//! Tests of pictures against physics, wave theory, f64 twins of the passes, and stored sums.
 
 mod frames;
 mod hard_cases;

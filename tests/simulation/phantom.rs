@@ -1,4 +1,4 @@
-//! The obstetric phantom's output: meshes, sizes, fit, file.
+//! Tests of the obstetric phantom's meshes, sizes, fit and file.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -15,7 +15,7 @@ use insonify::phantom::{
 };
 use rayon::prelude::*;
 
-/// Small enough to be fast; fine parts are then at their coarsest.
+/// Scale that is small enough to be fast; fine parts are then at their coarsest.
 const SMALL: f64 = 0.3;
 
 fn at_scale(scale: f64) -> PhantomOptions {
@@ -40,7 +40,7 @@ fn mesh_of(name: &str) -> &'static Mesh {
     &full().iter().find(|s| s.name == name).unwrap().mesh
 }
 
-/// Number of directed edges without exactly one opposite.
+/// Number of directed edges that don't have exactly one opposite edge.
 fn faulty_edges(mesh: &Mesh) -> usize {
     let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -51,7 +51,7 @@ fn faulty_edges(mesh: &Mesh) -> usize {
     edges.iter().filter(|&(&[a, b], &count)| count != 1 || edges.get(&[b, a]) != Some(&1)).count()
 }
 
-/// Phantoms at the limits of the parameters.
+/// Parameters of phantoms at the limits of their ranges.
 fn extremes() -> Vec<Parameters> {
     let plain = Parameters::default();
     let lies = [Lie::Cephalic, Lie::Breech, Lie::TransverseHeadLeft, Lie::TransverseHeadRight];
@@ -71,7 +71,8 @@ fn extremes() -> Vec<Parameters> {
     all
 }
 
-/// Smallest distance to `solid` on the sides of `room`, mm, on a grid of about `step_mm`, and its place.
+/// Smallest distance of `solid` on the sides of the box `room`, mm, and its position. It is sampled about every
+/// `step_mm`.
 fn least_distance_mm(solid: &Solid, room: Bounds, step_mm: f32) -> (f32, Vec3) {
     let size = room.size();
     let side = |axis: usize, end: usize| {
@@ -226,7 +227,7 @@ fn cast(mesh: &Mesh, from: Vec3, direction: Vec3) -> f64 {
     mesh.corners_mm().filter_map(hit).fold(f64::INFINITY, f64::min)
 }
 
-/// Length of the outline first met by rays in the plane of `u` and `v`, mm.
+/// Circumference, mm, of the outline that rays from `centre` in the plane of `u` and `v` hit first.
 fn circumference(mesh: &Mesh, centre: Vec3, u: Vec3, v: Vec3) -> f64 {
     const RAYS: usize = 180;
     let points: Vec<DVec3> = (0..RAYS)

@@ -1,4 +1,4 @@
-//! Aberration by the phantom's abdominal walls, on their meshes, where the exam and the standard planes put the probe.
+//! Aberration by the meshes of the phantom's abdominal walls, at the poses of the exam and of the standard planes.
 
 #![allow(clippy::unwrap_used)]
 
@@ -15,18 +15,18 @@ use insonify::render::{Backend, BackendChoice, Frame, ImageSettings, RenderSetti
 use insonify::settings::Probe;
 use insonify::transducer::ProbeKind;
 
-/// Cells of the muscles' border in the full phantom, mm.
+/// Cell size of the muscles' border, as in the full phantom, mm.
 const BORDER_CELL_MM: f32 = 4.0;
-/// Cells of other organs, mm: finer than the full phantom's.
+/// Cell size of other organs, mm: finer than in the full phantom.
 const CELL_MM: f32 = 7.0;
-/// Depth of the face in the skin, mm.
+/// Depth to which the probe's face is pressed into the skin, mm.
 const PRESS_MM: f64 = 2.5;
 
 fn of(wall: Wall) -> Parameters {
     Parameters { wall, maternal_fat_mm: wall.fat_mm(), ..Parameters::default() }
 }
 
-/// Organs up to the inside of the abdominal wall.
+/// Organs from the skin to the inside of the abdominal wall.
 fn wall_organs(parameters: &Parameters) -> Vec<Organ> {
     let mut all = organs(parameters);
     let inside = all.iter().find(|o| o.name == "abdominal_interior").unwrap().priority;
@@ -34,7 +34,7 @@ fn wall_organs(parameters: &Parameters) -> Vec<Organ> {
     all
 }
 
-/// The wall alone: what it encloses has the speed that delays refer to.
+/// Scene of the wall alone. The space inside it is gel, to whose speed delays refer.
 fn scene(parameters: &Parameters) -> Scene {
     let names: Vec<&str> = wall_organs(parameters).iter().map(|o| o.name).collect();
     let tissues = TissueTable::builtin().unwrap();
@@ -51,7 +51,7 @@ fn scene(parameters: &Parameters) -> Scene {
     scene
 }
 
-/// Poses of the standard planes and of the exam's key frames.
+/// Names and poses of the standard planes' views and of the exam's key frames.
 fn poses(parameters: &Parameters) -> Vec<(String, Pose)> {
     let skin = phantom::skin(parameters);
     let planes = phantom::planes(parameters).with_poses(&skin, PRESS_MM).planes;
@@ -69,8 +69,8 @@ fn aperture() -> Aperture {
     Aperture { width_mm: 30.0, face_radius_mm: Probe::default().face_radius_mm(), depth_mm: 60.0 }
 }
 
-/// Aberration over 30 mm about five scanlines at each pose: its name, the scanline's angle in degrees, the figures. The
-/// face is moved out of the body by `lifted_mm`.
+/// Aberration over an aperture of 30 mm, at five scanlines of each pose: the pose's name, the scanline's angle in
+/// degrees, and the aberration. The face is moved out of the body by `lifted_mm`.
 fn figures(parameters: &Parameters, lifted_mm: f64) -> Vec<(String, f64, Aberration)> {
     let (scene, probe) = (scene(parameters), Probe::default());
     let (caster, aperture) = (Caster::of(&scene), aperture());
@@ -138,12 +138,12 @@ fn the_recti_are_a_lens_only_if_asked() {
     assert!(without < 20.0 && with > 80.0, "{without} and {with} ns");
 }
 
-/// Half the width of a stripe of scatterers, their distance, and the depths between which they are, mm.
+/// Half the width of a stripe of scatterers, the distance between stripes, and their depth range, mm.
 const STRIPE_HALF_MM: f64 = 2.0;
 const STRIPE_PERIOD_MM: f64 = 8.0;
 const STRIPES_MM: [f64; 2] = [90.0, 125.0];
 
-/// Stripes of scatterers below a pose, in a scene whose other tissues are kept; they are along y.
+/// Adds stripes of scatterers below a pose, long in the probe's y direction. The scene's other tissues stay.
 fn add_stripes(scene: &mut Scene, pose: &Pose) {
     let name_of = |index: usize| scene.tissues.names()[index].clone();
     let interior = scene.tissues.tissues()[scene.background].clone();
@@ -174,7 +174,7 @@ fn add_stripes(scene: &mut Scene, pose: &Pose) {
     scene.sort_by_priority();
 }
 
-/// An array whose scanlines are parallel, 8 MHz, aperture 20 mm.
+/// A linear array at 8 MHz with an aperture of 20 mm.
 fn flat_probe() -> Probe {
     let kind = ProbeKind::Linear { width_mm: 64.0 };
     Probe {
@@ -197,7 +197,7 @@ fn rendered(scene: &Scene, pose: &Pose, rays: u32, image: ImageSettings) -> Fram
     frame
 }
 
-/// Power on the stripes over the power between them, dB, 95 to 120 mm deep.
+/// Ratio of the echo power on the stripes to that between them, 95 to 120 mm deep, dB.
 fn stripe_contrast_db(scene: &Scene, pose: &Pose) -> f64 {
     let probe = flat_probe();
     let frame = rendered(scene, pose, 32, ImageSettings { width: 96, height: 64, ..ImageSettings::default() });
@@ -216,7 +216,7 @@ fn stripe_contrast_db(scene: &Scene, pose: &Pose) -> f64 {
     10.0 * ((on / 3.0) / (between / 4.0)).log10()
 }
 
-/// Writes the speeds, m/s, of the scan plane behind a pose as `tests/truth/stripes.py` reads them: f32 [1040 × 512], pixels
+/// Writes the sound speeds in the scan plane below a pose, m/s, for `tests/truth/stripes.py`: f32 [1040 × 512], pixels
 /// of 0.125 mm.
 fn write_speeds(scene: &Scene, pose: &Pose, path: &Path) {
     let image = ImageSettings { width: 512, height: 1040, ..ImageSettings::default() };
@@ -227,8 +227,8 @@ fn write_speeds(scene: &Scene, pose: &Pose, path: &Path) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Contrasts by wave theory through the same scan planes, dB: `tests/truth/stripes.py` with the maps that this test writes
-/// to the folder `INSONIFY_WRITE_SPEEDS`.
+/// Stripe contrasts by wave theory through the same scan planes, dB. They are from `tests/truth/stripes.py`, with the
+/// maps that this test writes to the folder `INSONIFY_WRITE_SPEEDS`.
 const THEORY_DB: [(Wall, [(&str, f64); 3]); 3] = [
     (Wall::Easy, [("head", 15.3), ("heart", 17.6), ("femur", 21.4)]),
     (Wall::Average, [("head", -1.4), ("heart", 4.7), ("femur", 9.4)]),

@@ -1,4 +1,4 @@
-//! Recordings and other programs' sequences: import, export, and the commands that use them.
+//! Tests of recordings and other programs' sequences: import, export, and the commands that use them.
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -24,7 +24,7 @@ use sha2::{Digest, Sha256};
 
 const PROBE: &str = "ProbeToTrackerTransform";
 
-/// A header as PLUS 2.9 writes it; the first matrix is from a real sweep.
+/// A sequence header as PLUS 2.9 writes it; the first matrix is from a real sweep.
 const PLUS: &str = "\
 ObjectType = Image
 NDims = 3
@@ -220,7 +220,7 @@ fn insonify(arguments: &[&str]) -> Output {
     command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
 }
 
-/// JSON printed by a successful command.
+/// JSON that a successful command printed.
 #[track_caller]
 fn json(arguments: &[&str]) -> Value {
     let output = insonify(&[arguments, &["--json"]].concat());
@@ -228,7 +228,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Message of a refused command.
+/// Error message of a command that refused its input.
 #[track_caller]
 fn refused(arguments: &[&str]) -> String {
     let output = insonify(arguments);
@@ -299,7 +299,7 @@ fn tracking(i: u32) -> ImageTracking {
     ImageTracking { time_s: f64::from(i) * 0.05, pose, tracked: i != 2 }
 }
 
-/// Pixels of a sequence that was written, all images one after the other.
+/// Pixels of all images in a sequence file, one image after the other.
 fn written_pixels(path: &Path, compressed: bool) -> Vec<u8> {
     let (file, last) = (fs::read(path).unwrap(), b"ElementDataFile = LOCAL\n");
     let behind = file.windows(last.len()).position(|line| line == last).unwrap() + last.len();

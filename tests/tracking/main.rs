@@ -1,4 +1,4 @@
-//! Trackers and poses: decoders, sessions, recordings, estimation.
+//! Tests of trackers and poses: decoders, sessions, recordings, estimation.
 
 // clippy.toml allows this in test functions only, not in their helpers.
 #[allow(clippy::unwrap_used)]

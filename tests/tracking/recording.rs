@@ -1,4 +1,4 @@
-//! From raw tracker bytes, through a recording and back, to poses.
+//! Tests of the way from raw tracker bytes, through a recording and back, to poses.
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -47,12 +47,12 @@ fn pose_of(record: &Record) -> Pose {
     }
 }
 
-/// Line of a record with a counter, a clock and a pose.
+/// Text line of a record with a counter, a clock and a pose.
 fn line(record: &Record) -> String {
     ascii_line::encode(record.sequence.unwrap(), record.device_time_us.unwrap(), &pose_of(record))
 }
 
-/// Writes a recording of `lines`, one message each, 60 a second.
+/// Writes a recording with one message per line of `lines`, 60 a second.
 fn write(path: &Path, lines: &[String]) {
     let mut writer = RecordingWriter::create(path, &info()).unwrap();
     writer.event(&Event::new(START_NS, "start")).unwrap();
@@ -215,7 +215,7 @@ fn other_files_get_a_clear_error() {
     }
 }
 
-/// An MCAP file of another program: `topic` with `metadata`, and one message.
+/// An MCAP file of another program, with the topic `topic`, its `metadata`, and one message.
 fn foreign(topic: &str, metadata: &[(&str, &str)], message: &[u8]) -> Vec<u8> {
     let metadata = metadata.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let options = mcap::WriteOptions::new().compression(None).use_chunks(false);
@@ -391,7 +391,7 @@ fn damaged_settings_are_counted_and_the_poses_are_used() {
     }
 }
 
-/// `insonify record` of stdin, under a shell that runs `before` first.
+/// Starts `insonify record` of stdin in a shell that runs `before` first.
 fn record_stdin(out: &Path, before: &str) -> Child {
     let station = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/sphere.toml");
     let mut command = Command::new("sh");
@@ -407,14 +407,14 @@ fn record_stdin(out: &Path, before: &str) -> Child {
     command.spawn().unwrap()
 }
 
-/// Many lines, and their poses.
+/// Bytes of many lines, and the poses in them.
 fn many_lines() -> (Vec<u8>, Vec<Pose>) {
     let text: String = (0..6000).map(|i| line(&record(i))).collect();
     let poses = decode_in_pieces(text.as_bytes(), &[]).into_iter().map(|record| pose_of(&record.unwrap())).collect();
     (text.into_bytes(), poses)
 }
 
-/// Asserts that the recording is a prefix of `sent`, and returns its length.
+/// Asserts that the poses in the recording are the first ones of `sent`; returns their number.
 fn is_a_prefix(recording: &Path, sent: &[Pose]) -> usize {
     let (found, summary) = poses(recording).unwrap();
     assert!(summary.damage.truncated.is_some() && summary.missing_records == 0, "{summary}");
@@ -510,7 +510,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     )
 }
 
-/// Records and errors of `bytes`, received in pieces that end at `cuts`.
+/// Records and errors from `bytes`, received in pieces that end at `cuts`.
 fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeError>> {
     let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
     ends.push(bytes.len());
@@ -535,7 +535,7 @@ fn decode_in_pieces(bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeEr
     out
 }
 
-/// A piece of a stream: a line, or any kind of noise of a serial line.
+/// A piece of a stream: a record's line, or any kind of noise on a serial line.
 fn any_piece() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         4 => any_record().prop_map(|r| line(&r).into_bytes()),

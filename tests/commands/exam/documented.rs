@@ -1,4 +1,4 @@
-//! The educator's sequence, typed as the documents have it.
+//! The educator's sequence of commands, typed as the documents state it.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -24,7 +24,7 @@ height = 48
 path = "calibration.toml"
 "#;
 
-/// A tracker that stands and lies otherwise than the scene, and a sensor at the probe's handle.
+/// Calibration with a tracker away from the scene's origin and axes, and a sensor at the probe's handle.
 const CALIBRATION: &str = r#"
 version = 1
 
@@ -37,7 +37,7 @@ position_mm = [3.0, -8.0, 140.0]
 quaternion = [0.0, 1.0, 0.0, 0.0]
 "#;
 
-/// A block with planes of the phantom's names: meshing the phantom takes minutes.
+/// Writes a block of liver with planes called like the phantom's, whose meshing would take minutes.
 pub(super) fn scene(dir: &Path) {
     let mesh = cuboid(glam::Vec3::new(-44.0, -80.0, 10.0), glam::Vec3::new(44.0, 80.0, 90.0));
     let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
@@ -75,7 +75,7 @@ pub(super) fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Lines of a document's code blocks that begin with `start`.
+/// Lines that begin with `start` in the code blocks of a document.
 fn lines(document: &str, start: &str) -> Vec<String> {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(document)).unwrap();
     text.lines().filter(|line| line.starts_with(start)).map(str::to_owned).collect()

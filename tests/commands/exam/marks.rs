@@ -1,4 +1,4 @@
-//! Marks that a trainee sets on the page, in the score.
+//! Scores of the marks that a trainee sets on the page.
 
 use insonify::recording::{
     CALIPER_EVENT, MarkedFrame, Marks, MeasureKind, RecordingInfo, RecordingWriter, mark_event, removal_event,
@@ -10,13 +10,13 @@ use super::*;
 
 const SECOND_NS: u64 = 1_000_000_000;
 
-/// A page's mark on the frame at `frame_s` of a session that began with the recording.
+/// A mark that a page set on the frame at `frame_s` of a session. The session began with the recording.
 fn mark(id: &str, frame_s: f64, pose: Option<Pose>, content: MarkContent) -> Mark {
     let pose = pose.map(|pose| pose.components());
     Mark { id: id.into(), frame: 7, sampled_ms: 1e3 * frame_s, pose, content }
 }
 
-/// Ends of the plane's caliper in the image of `pose`.
+/// Ends of a plane's caliper in the image of `pose`.
 fn ends(plane: &str, caliper: &str, pose: &Pose) -> Vec<[f64; 2]> {
     let caliper = view(plane).calipers.iter().find(|c| c.name == caliper).unwrap();
     let local = caliper.points_mm.iter().map(|&p| pose.inverse().transform_point(p));
@@ -91,7 +91,7 @@ fn a_picture_before_the_first_pose_shows_the_plane_of_its_own_pose() {
     assert_eq!(plane(None), None, "its pose is not known");
 }
 
-/// A BPD on a picture far from the head's plane.
+/// A caliper for the BPD, set on a picture far from the head's standard plane.
 fn turned_picture(points: &[[f64; 2]]) -> Event {
     let pose = turned("head", DVec3::X, 60.0);
     mark_event(START_TIME_NS + SECOND_NS, START_TIME_NS, &mark("b-1", 0.5, Some(pose), line(points, "BPD")))

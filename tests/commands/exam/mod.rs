@@ -1,4 +1,4 @@
-//! Sessions made and scored on the obstetric phantom.
+//! Tests of exams: sessions made and scored on the obstetric phantom.
 
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -71,7 +71,7 @@ fn scored(poses: &[TimedPose], events: &[Event], names: &[&str]) -> Score {
     .0
 }
 
-/// Poses at 60 Hz over `seconds`, all alike.
+/// The same pose at 60 Hz over `seconds`.
 fn still(pose: Pose, seconds: f64) -> Vec<TimedPose> {
     let timed = |i: u64| TimedPose { host_time_ns: START_TIME_NS + i * 16_666_667, device_time_us: i * 16_667, pose };
     (0..=(60.0 * seconds) as u64).map(timed).collect()
@@ -85,7 +85,7 @@ fn perfect(name: &str) -> Pose {
     view(name).pose_on(&place().skin, 2.5).unwrap()
 }
 
-/// `pose` turned about an axis of the probe through the centre of the view.
+/// Perfect pose for the view `name`, turned about an axis of the probe through the view's centre.
 fn turned(name: &str, axis: DVec3, degrees: f64) -> Pose {
     let (pose, centre) = (perfect(name), view(name).centre_mm);
     let turn = DQuat::from_axis_angle(pose.orientation * axis, degrees.to_radians());

@@ -1,17 +1,17 @@
-//! Whole sessions: a perfect one scores full, a perturbed one loses the points of its perturbation, a random one finds
-//! nothing.
+//! Scores of whole sessions. A perfect one scores full, a perturbed one loses the points of its perturbation, a random
+//! one finds nothing.
 
 use insonify::random::SplitMix64;
 
 use super::*;
 
 const ALL: [&str; 7] = ["head", "cerebellum", "abdomen", "femur", "heart", "spine", "profile"];
-/// Views whose landmarks leave room for half of each tolerance.
+/// Views whose landmarks still fit if a pose is off by half of each tolerance.
 const ROOMY: [&str; 3] = ["head", "abdomen", "femur"];
 const INTERVAL_NS: u64 = 16_666_667;
 
-/// A session that moves from plane to plane within a second and holds each. `held` gives the pose by time since the
-/// hold began, s.
+/// A session that moves from plane to plane within a second and holds the probe at each. `held` gives the pose at a
+/// plane by the time since the hold began, s.
 fn session(names: &[&str], hold_s: f64, held: impl Fn(&str, f64) -> Pose) -> Vec<TimedPose> {
     let mut poses: Vec<Pose> = Vec::new();
     for name in names {
@@ -104,7 +104,7 @@ fn beyond_a_tolerance_or_too_short_nothing_is_found() {
     assert_eq!(found(1.5, &|name, _| slid(perfect(name), DVec3::Z * -6.0)), 0, "off the skin");
 }
 
-/// `pose` moved along its middle line, 2.5 mm into the skin; `None` if that line misses the body.
+/// `pose` moved along the middle of its image until it is 2.5 mm in the skin; `None` if that line misses the body.
 fn on_skin(pose: Pose, depth_mm: f64) -> Option<Pose> {
     let up = pose.orientation * DVec3::NEG_Z;
     let contact = place().skin.exit(pose.transform_point(DVec3::Z * depth_mm), up)?;
@@ -139,8 +139,8 @@ fn random_holds_beyond_a_tolerance_are_not_found_and_some_within_are() {
     assert!(beyond >= 30 && found >= 6, "{beyond} {found}");
 }
 
-/// A minute of a probe that slides, tilts and turns aimlessly over the belly, about 90 mm and 110° per second, so that
-/// it passes planes and holds none.
+/// A minute of a probe that slides, tilts and turns aimlessly over the belly. At about 90 mm and 110° per second, it
+/// passes planes and holds none.
 fn wandering(seed: u64) -> Vec<TimedPose> {
     let mut random = SplitMix64::new(seed);
     let mut even = move || 2.0 * random.unit() - 1.0;

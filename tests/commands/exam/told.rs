@@ -1,4 +1,4 @@
-//! What a score says besides its marks: why a plane was not found, sparse poses, another scene, damage, wrong files.
+//! Messages of a score besides its marks: on a plane not found, sparse poses, another scene, damage, and wrong files.
 
 use super::documented::{STATION, insonify, printed, scene};
 use super::*;

@@ -1,10 +1,10 @@
-//! `insonify evaluate --dataset` on a data set with known figures.
+//! Tests of `insonify evaluate --dataset` on a data set with known figures.
 
 use super::*;
 use serde_json::{Value, json};
 
 const SIZE: [usize; 2] = [300, 256];
-/// Rows of fluid, then of bone in the middle third, and soft tissue.
+/// Rows of fluid, rows of bone below it, and the columns of that bone; all else is soft tissue.
 const FLUID: std::ops::Range<usize> = 0..100;
 const BONE: std::ops::Range<usize> = 100..110;
 const MIDDLE: std::ops::Range<usize> = 100..200;
@@ -24,8 +24,8 @@ fn write_npy(path: &Path, shape: &[usize], values: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Two tuples. High quality is the output of `maps_only`; low quality is 10 above it in the first and 20 below it in
-/// the second.
+/// Writes a data set of two tuples. Their high-quality images are the output of `maps_only`. Their low-quality images
+/// are 10 levels above it in the first tuple, and 20 below it in the second.
 fn data_set(directory: &Path) {
     let [width, height] = SIZE;
     for folder in ["tuples", "masks", "stations"] {

@@ -1,4 +1,4 @@
-//! Generators of known effect (training/make_test_models.py), run by ONNX Runtime.
+//! Tests of generators with known effects (training/make_test_models.py), run by ONNX Runtime.
 //!
 //! They need ONNX Runtime's library: without it they fail with the advice to run scripts/setup.
 // clippy.toml allows these in test functions only, not in their helpers.
@@ -27,7 +27,7 @@ use sha2::{Digest, Sha256};
 
 /// Tissues of the station, in a different order than the models' classes.
 const TISSUES: [&str; 3] = ["placenta", "skull", "amniotic_fluid"];
-/// Class of each tissue number in the models.
+/// Class of each tissue number, by number, in the models.
 const CLASSES: [u8; 4] = [0, 2, 3, 1];
 const SIZES: [(u32, u32); 6] = [(16, 16), (37, 23), (1, 1), (130, 71), (40, 30), (3, 200)];
 
@@ -56,7 +56,7 @@ fn assert_says(error: &GeneratorError, words: &[&str]) {
     }
 }
 
-/// Maps of a frame: speckle, tissues in blocks, a shadow, and a sector that excludes two corners.
+/// Maps of a frame: speckle, blocks of tissues, a shadow, and a sector that excludes two corners.
 struct Maps {
     width: u32,
     height: u32,
@@ -104,7 +104,7 @@ impl Maps {
     }
 }
 
-/// Runs the model at every size, and compares each level with `expected` (0..=1), within rounding.
+/// Runs the model at every size, and compares each grey level with `expected` (0..=1), within rounding.
 fn check(name: &str, expected: impl Fn(&Maps, usize, usize) -> f64) {
     let mut generator = load(name);
     let mut out = Vec::new();
@@ -141,7 +141,7 @@ fn brightness_is_clipped_and_rounded() {
     check("brightness", |maps, x, y| 1.25 * maps.unit(x, y) + 0.1);
 }
 
-/// The mean of 3 × 3 pixels of a picture that is zero beyond its edges.
+/// Mean of 3 × 3 pixels of a picture that is zero outside.
 fn mean_of_nine(maps: &Maps, x: usize, y: usize) -> f64 {
     let near = |c: usize, n: u32| c.saturating_sub(1)..(c + 2).min(n as usize);
     near(y, maps.height).flat_map(|y| near(x, maps.width).map(move |x| maps.unit(x, y))).sum::<f64>() / 9.0
@@ -443,7 +443,7 @@ fn an_unavailable_provider_is_an_error() {
     }
 }
 
-/// Copy of a model and its files in a separate directory, with a changed manifest.
+/// Copy of a model and its files in a new directory. `change` makes the copy's manifest from the original's.
 fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let source = model(name);
@@ -457,7 +457,8 @@ fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::Tem
     (dir, path)
 }
 
-/// The model `blur` whose int8 is in truth the model `brightness`, with that sum in its manifest.
+/// The model `blur`, whose variant int8 is in truth the model `brightness`. `sha256` is that variant's hash in the
+/// manifest.
 fn with_int8(sha256: &str) -> (tempfile::TempDir, PathBuf) {
     let of_other = |end: &str| std::fs::read(model("brightness").with_file_name(format!("brightness{end}"))).unwrap();
     let (dir, path) = changed("blur", |manifest, path| {
@@ -566,7 +567,7 @@ fn contradictory_files_are_refused() {
     assert_says(&load_path(&model("nothing"), Provider::Cpu).unwrap_err(), &["cannot read", "nothing.toml"]);
 }
 
-/// Manifest text with the hash of `model`, which is written to `path`.
+/// `text`, a manifest, with the hash of `model`, which is written to `path`.
 fn with_model(text: &str, path: &Path, model: &[u8]) -> String {
     std::fs::write(path, model).unwrap();
     let hash: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();

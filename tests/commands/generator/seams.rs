@@ -1,14 +1,14 @@
-//! Every shipped generator on the full field of view: nothing outside the sector, crops equal to the whole beyond a margin,
-//! and a limit for what padding changes at the frame's edge.
+//! Tests of every shipped generator on the full field of view. Nothing appears outside the sector, crops equal the
+//! whole image beyond a margin, and padding changes the frame's edge only up to a limit.
 
 use super::*;
 
-/// Grey levels of difference from rounding and summation order.
+/// Largest difference in grey levels that rounding and summation order explain.
 const ROUNDING: u8 = 1;
-/// Padding multiple from which a model's receptive field is the whole frame: pix2pix of 8 levels.
+/// Padding multiple from which a model's receptive field is the whole frame, as for pix2pix of 8 levels.
 const DEEP: u32 = 256;
 
-/// All of `assets/generators`.
+/// Paths of all models in `assets/generators`.
 pub(super) fn shipped() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/generators");
     let folders = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
@@ -28,7 +28,7 @@ fn load_shipped(path: &Path) -> Generator {
     Generator::load(path, runtime(), &options).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A scene: speckle over blobs of tissue, and a shadow, all determined by the seed.
+/// Maps of speckle over blobs of tissue, and a shadow, all determined by the seed.
 fn scene(width: usize, height: usize, mask: impl Fn(usize, usize) -> bool, seed: u32) -> Maps {
     let hash = |x: usize, y: usize, salt: u32| {
         let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ (seed + salt);
@@ -58,7 +58,7 @@ fn scene(width: usize, height: usize, mask: impl Fn(usize, usize) -> bool, seed:
     maps
 }
 
-/// Columns from `from` on.
+/// The maps' columns from `from` on.
 fn columns(maps: &Maps, from: usize) -> Maps {
     fn cut<T: Copy>(map: &[T], width: usize, from: usize) -> Vec<T> {
         map.chunks_exact(width).flat_map(|row| &row[from..]).copied().collect()
@@ -74,7 +74,7 @@ fn columns(maps: &Maps, from: usize) -> Maps {
     }
 }
 
-/// The maps with `border` pixels of outside on every side.
+/// The maps with `border` more pixels on every side, outside the sector.
 fn bordered(maps: &Maps, border: usize) -> Maps {
     fn frame<T: Copy + Default>(map: &[T], width: usize, border: usize) -> Vec<T> {
         let outer = width + 2 * border;
@@ -104,7 +104,7 @@ fn run(generator: &mut Generator, maps: &Maps) -> Vec<u8> {
     out
 }
 
-/// Last column in which two images of that width differ by more than rounding.
+/// Last column in which two images of `width` columns differ by more than rounding; `None` if they don't.
 fn last_difference(a: &[u8], b: &[u8], width: usize) -> Option<usize> {
     let differs = |column: &usize| {
         (0..a.len() / width).any(|row| a[row * width + column].abs_diff(b[row * width + column]) > ROUNDING)
@@ -197,7 +197,7 @@ fn nothing_is_outside_the_sector_and_padding_changes_its_edge_by_a_few_levels() 
     }
 }
 
-/// A picture of speckle that is fixed to scanlines and range cells, of a sector of this size.
+/// A picture of a sector of this size, with speckle that is fixed to scanlines and range cells.
 fn beam_scene(width: u32, height: u32) -> Frame {
     let scan = ScanGeometry::fit(&Probe::default(), width, height);
     // Speckle of some three scanlines by five cells of 0.2 mm, brighter in some tissues.

@@ -1,4 +1,4 @@
-//! Files that are not valid scenes: an error with the fault and its place, never a panic.
+//! Files that are not valid scenes give an error with the fault and its position, never a panic.
 
 use std::path::Path;
 
@@ -8,14 +8,14 @@ use serde_json::{Value, json};
 
 use crate::input::builder::*;
 
-/// Message of the error for `bytes`, without the file's directory.
+/// Error message for `bytes`, without the file's directory.
 fn message(name: &str, bytes: &[u8]) -> String {
     let (dir, path) = file(name, bytes);
     let error = import::load(&path, &TissueTable::builtin().unwrap(), 0).unwrap_err();
     error.to_string().replace(&format!("{}/", dir.path().display()), "")
 }
 
-/// Message for the tetrahedron after `change`.
+/// Error message for the tetrahedron after `change`.
 fn message_after(change: impl FnOnce(&mut Builder)) -> String {
     let mut b = Builder::tetrahedron();
     change(&mut b);
@@ -156,7 +156,7 @@ fn a_long_chain_of_nodes_is_followed_to_its_end() {
     assert_eq!(b.load_mesh().triangles.len(), 4);
 }
 
-/// Tetrahedron with a sparse and an interleaved accessor, so that flipped bytes reach those, too.
+/// A tetrahedron with a sparse and an interleaved accessor, so that flipped bytes hit those, too.
 fn varied() -> Vec<u8> {
     let mut b = Builder::tetrahedron();
     let (indices, values) = (b.view(&[1, 3]), b.view(bytemuck::cast_slice(&[[0.02f32, 0.0, 0.0], [0.0, 0.0, 0.03]])));

@@ -12,13 +12,13 @@ pub(crate) const U16: u32 = 5123;
 pub(crate) const U32: u32 = 5125;
 pub(crate) const F32: u32 = 5126;
 
-/// A tetrahedron of edge 10 mm along the axes, in metres, outward.
+/// Corners of a tetrahedron whose edges along the axes are 10 mm, in metres.
 pub(crate) const TETRAHEDRON: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]];
 pub(crate) const TETRAHEDRON_FACES: [u32; 12] = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
 /// Volume of the tetrahedron, mm³.
 pub(crate) const TETRAHEDRON_MM3: f64 = 1000.0 / 6.0;
 
-/// A document and its binary buffer.
+/// A glTF document and its binary buffer.
 pub(crate) struct Builder {
     pub(crate) root: Value,
     pub(crate) bin: Vec<u8>,
@@ -32,7 +32,7 @@ impl Builder {
         Self { root, bin: Vec::new() }
     }
 
-    /// The tetrahedron as a surface of liver.
+    /// A document with the tetrahedron as a surface of liver.
     pub(crate) fn tetrahedron() -> Self {
         let mut b = Self::empty();
         let positions = b.positions(&TETRAHEDRON);
@@ -48,7 +48,7 @@ impl Builder {
         list.len() - 1
     }
 
-    /// Adds a buffer view of `bytes`.
+    /// Adds a buffer view of `bytes`; returns its index.
     pub(crate) fn view(&mut self, bytes: &[u8]) -> usize {
         let view = json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()});
         self.bin.extend(bytes);
@@ -80,7 +80,7 @@ impl Builder {
         self.push("nodes", node)
     }
 
-    /// The document with its buffer at `uri`, or in the binary chunk.
+    /// JSON of the document, whose buffer is at `uri` or else in the binary chunk.
     pub(crate) fn json(&self, uri: Option<&str>) -> Vec<u8> {
         let mut root = self.root.clone();
         // glTF lists must not be empty.
@@ -102,7 +102,7 @@ impl Builder {
         [b"glTF", &2u32.to_le_bytes()[..], &(chunks.len() as u32 + 12).to_le_bytes(), &chunks].concat()
     }
 
-    /// Scene of the document as a .glb, with the findings.
+    /// The document read as a .glb: the scene, and findings about it.
     pub(crate) fn load(&self) -> Result<(Scene, Vec<Finding>), SceneError> {
         load_bytes("scene.glb", &self.glb())
     }
@@ -124,13 +124,13 @@ pub(crate) fn indices_json(view: usize, component: u32, count: usize) -> Value {
     json!({"bufferView": view, "componentType": component, "type": "SCALAR", "count": count})
 }
 
-/// Loads a file of `bytes`.
+/// Reads a file of `bytes` called `name`.
 pub(crate) fn load_bytes(name: &str, bytes: &[u8]) -> Result<(Scene, Vec<Finding>), SceneError> {
     let (_dir, path) = file(name, bytes);
     load_with_findings(&path, &TissueTable::builtin().unwrap(), 0)
 }
 
-/// A file in a temporary directory that lives as long as the first result.
+/// A file of `bytes` in a temporary directory, which exists as long as the first result.
 pub(crate) fn file(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);

@@ -1,4 +1,5 @@
-//! Scenes with one defect each: the doctor names it with its surface and place. Sound scenes have no findings.
+//! Tests of the scene check on scenes with one defect each. It names the defect with its surface and position. Sound
+//! scenes have no findings.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::analytic::{cuboid, joined, sphere};
@@ -10,7 +11,7 @@ use serde_json::json;
 
 use crate::input::builder::*;
 
-/// A scene of surfaces with names, tissues and priorities; coordinates in mm.
+/// A scene of surfaces, each with name, tissue, priority and mesh; coordinates in mm.
 fn scene(surfaces: &[(&str, &str, i32, &Mesh)]) -> Builder {
     let mut b = Builder::empty();
     for (name, tissue, priority, mesh) in surfaces {
@@ -33,7 +34,7 @@ fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> DoctorReport {
     examine(&path, &Settings { tissues: &tissues, own_tissues: &[], background: None, start }, &|_, _| {}).unwrap()
 }
 
-/// The only finding, a `defect` of a ball of liver called `organ` beside a sound one.
+/// The only finding of a report, which must be `defect`.
 fn only(report: &DoctorReport, defect: Defect) -> Finding {
     let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.to_string())).collect();
     assert_eq!(found.len(), 1, "{defect:?}: {found:?}");
@@ -43,7 +44,7 @@ fn only(report: &DoctorReport, defect: Defect) -> Finding {
     finding
 }
 
-/// Finding about `organ`, a defective `mesh` beside a sound ball.
+/// Finding on `mesh`, the defective surface `organ` next to a sound ball.
 fn of_organ(mesh: &Mesh, defect: Defect) -> Finding {
     let sound = sphere(Vec3::new(200.0, 0.0, 0.0), 20.0, 2);
     let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, mesh)]));
@@ -61,7 +62,7 @@ fn near(finding: &Finding, place: [f32; 3], within_mm: f32) {
     assert!(at.distance(place.into()) <= within_mm, "{finding}");
 }
 
-/// The mesh without triangles whose three corners are within `radius_mm` of a point.
+/// The mesh without the triangles whose three corners are all within `radius_mm` of the point `at`.
 fn holed(mesh: &Mesh, at: Vec3, radius_mm: f32) -> Mesh {
     let mut mesh = mesh.clone();
     let vertices = mesh.vertices_mm.clone();
@@ -394,7 +395,7 @@ fn an_inverted_surface_is_examined_as_it_will_be_loaded() {
     assert_eq!(found, [(Defect::Inverted, Some("cyst")), (Defect::Hidden, Some("cyst"))]);
 }
 
-/// Report on a ball of liver with one material above `from_z_mm` and another below.
+/// Report on a ball of liver that has one material above `from_z_mm` and another below.
 fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> DoctorReport {
     let mut b = Builder::empty();
     let metres: Vec<_> = mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();

@@ -1,4 +1,4 @@
-//! Conventions of exporters in other programs.
+//! Tests of the conventions of other programs' exporters.
 
 use insonify::anatomy::import::{FindingKind, load_with_findings};
 use insonify::anatomy::{Scene, TissueTable};
@@ -29,8 +29,8 @@ fn a_file_of_trimesh_is_read() {
     }
 }
 
-/// A box as Blender writes it: separate vertices for each face, positions and normals in one buffer, 16-bit indices, a
-/// material named after the tissue, custom properties as extras.
+/// A box as Blender writes it. Each face has its own vertices, positions and normals share a buffer, indices have 16
+/// bits. The material is named after the tissue, and extras are custom properties.
 fn blender(material: &str) -> Builder {
     let mut b = Builder::empty();
     let corners: Vec<[f32; 3]> =

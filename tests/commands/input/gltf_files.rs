@@ -1,4 +1,4 @@
-//! Conventions of valid glTF files.
+//! Tests of the conventions of valid glTF files.
 
 use insonify::anatomy::import::{FindingKind, load_with_findings, mesh_of_arrays};
 use insonify::anatomy::{Mesh, Scene, TissueTable};

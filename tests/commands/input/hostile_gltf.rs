@@ -1,4 +1,4 @@
-//! Scenes that name files of elsewhere, and stand-ins of scenes.
+//! Tests of scenes that name files outside their folder, and of other things in place of a scene file.
 
 use insonify::anatomy::{TissueTable, import};
 

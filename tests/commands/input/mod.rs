@@ -1,4 +1,4 @@
-//! Input files: glTF scenes and station files, valid and broken.
+//! Tests of input files: glTF scenes and station files, valid and broken.
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts test functions, but not the helpers they share")]
 

@@ -1,4 +1,4 @@
-//! Motion in a scene file: `extras.motion` of the glTF scene.
+//! Tests of motion in scene files: `extras.motion` of the glTF scene.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use insonify::anatomy::export::{LabelledSurface, write_moving_glb};
 use insonify::anatomy::motion::{Drift, Field, Motion, Rhythm, Shape};
 use insonify::anatomy::{Scene, SceneError, TissueTable, analytic, import};
 
-/// Writes a moving ball, and reads it back.
+/// Writes a ball with this motion, and reads it back.
 fn written_and_read(motion: &Motion) -> Result<Scene, SceneError> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("moving.glb");

@@ -1,4 +1,4 @@
-//! Scenes of another unit: refused or warned about wherever a station's scene is loaded.
+//! Scenes in a wrong unit are refused, or warned about, wherever a station's scene is loaded.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The committed scenes and station files.
+//! Tests of the committed scenes and station files.
 
 use std::path::{Path, PathBuf};
 

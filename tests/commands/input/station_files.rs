@@ -1,4 +1,4 @@
-//! Station files, valid and wrong.
+//! Tests of station files, valid and wrong.
 
 use std::path::Path;
 
@@ -159,7 +159,7 @@ fn unreadable_files_are_named() {
     assert!(text.starts_with("cannot read the scene"), "{text}");
 }
 
-/// Further keys that a key of `[tracker]` needs to apply.
+/// Further keys of `[tracker]` that must be present for `key` with `value` to apply.
 fn tracker_needs(key: &str, value: &str) -> &'static str {
     const SERIAL: &str = "transport = 'serial'\nprotocol = 'ascii-line'\nport = '/dev/x'\n";
     match (key, value.trim_matches(['\'', '"'])) {
@@ -257,7 +257,7 @@ fn field_types_are_no_wider_than_the_ranges() {
     assert!(checked >= 2 * (12 + 7 + 14 + 7 + 9), "{checked}");
 }
 
-/// A probe of a kind that has `key`.
+/// A probe of a kind that has the key `key`.
 fn probe_with(key: &str) -> Probe {
     let kind = match key {
         "width_mm" => ProbeKind::Linear { width_mm: 40.0 },
@@ -266,7 +266,7 @@ fn probe_with(key: &str) -> Probe {
     Probe { kind, ..Probe::default() }
 }
 
-/// Whether the group refuses `value`; none if it has no such setting, or its type can't hold the value.
+/// Whether the group refuses `value`; `None` if it has no such setting, or the setting's type can't hold the value.
 fn refused(group: &mut impl SettingsGroup, key: &str, value: f64) -> Option<bool> {
     let stored = group.stored_mut(key)?;
     stored.set(0, value);

@@ -1,4 +1,4 @@
-//! Scenes that need an effect for an inconspicuous reason: the plan keeps it, and the image shows why.
+//! Scenes that need an effect for an inconspicuous reason. The plan keeps the effect, and the image shows why.
 
 use glam::{DVec3, Quat, Vec3};
 use insonify::anatomy::analytic::{Part, plate, sphere};
@@ -19,7 +19,7 @@ fn assert_needed(case: &Case, effect: Effect) {
     assert!(off.most > 40 && off.part > 0.01, "{effect}: {off:?}");
 }
 
-/// The probe at a point, its axis tilted by `angle_deg` from +z to +x.
+/// Pose of a probe at (`x`, 0, `z`), whose axis is tilted by `angle_deg` from +z to +x.
 fn tilted(x: f64, z: f64, angle_deg: f64) -> Pose {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     Pose::looking(DVec3::new(x, 0.0, z), DVec3::new(sin, 0.0, cos), DVec3::new(cos, 0.0, -sin))

@@ -25,13 +25,13 @@ pub(crate) struct Case {
     pub(crate) pose: Pose,
 }
 
-/// The station file `configs/NAME.toml`.
+/// Reads the station file `configs/NAME.toml`.
 pub(crate) fn station(name: &str) -> Station {
     Station::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.toml"))).unwrap()
 }
 
 impl Case {
-    /// The station of `configs/NAME.toml` with few scanlines, samples and pixels, and at most 4 rays.
+    /// The station of `configs/NAME.toml`, reduced to few scanlines, samples and pixels, and at most 4 rays.
     pub(crate) fn station(name: &str) -> Self {
         let station = station(name);
         let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
@@ -47,7 +47,7 @@ impl Case {
         case
     }
 
-    /// Parts in the tissue `background`, below a linear probe 20 mm wide and 40 mm deep at 5 MHz.
+    /// `parts` within the tissue `background`, below a linear probe 20 mm wide and 40 mm deep at 5 MHz.
     pub(crate) fn of(parts: Vec<Part>, tissues: &[(&str, Tissue)], background: &str) -> Self {
         let named = tissues.iter().map(|(name, tissue)| ((*name).to_owned(), tissue.clone()));
         let table = TissueTable::new(named).unwrap();
@@ -82,13 +82,13 @@ impl Case {
         self.plan().effects().iter().map(Effect::name).collect()
     }
 
-    /// A frame as planned, and one with every effect.
+    /// A frame with the planned effects, and one with every effect.
     pub(crate) fn planned_and_whole(&self) -> (Frame, Frame) {
         let all = RenderSettings { effects: EffectChoices::ALL_ON, ..self.settings };
         (self.frame(&self.settings), self.frame(&all))
     }
 
-    /// A frame as planned, and one without `effect`.
+    /// A frame with the planned effects, and one without `effect`.
     pub(crate) fn planned_and_without(&self, effect: Effect) -> (Frame, Frame) {
         let effects = self.settings.effects.with(effect, Choice::Off);
         (self.frame(&self.settings), self.frame(&RenderSettings { effects, ..self.settings }))
@@ -112,7 +112,7 @@ impl Case {
     }
 }
 
-/// [`silent`] with speckle.
+/// [`silent`] tissue with speckle of the given deviation.
 pub(crate) fn speckled(speed_m_s: f64, impedance_mrayl: f64, deviation: f64) -> Tissue {
     Tissue { scatterer_density: 0.9, scatterer_deviation: deviation, ..silent(speed_m_s, impedance_mrayl) }
 }
@@ -121,7 +121,7 @@ pub(crate) fn part(name: &'static str, tissue: &'static str, mesh: Mesh) -> Part
     Part { name, tissue, priority: 1, mesh }
 }
 
-/// A wide slab between two depths, off the faces of the scatterer lattice.
+/// A wide slab between two depths, which are not on faces of the scatterer lattice.
 pub(crate) fn slab(from_mm: f32, to_mm: f32) -> Mesh {
     cuboid(Vec3::new(-50.05, -40.05, from_mm), Vec3::new(50.05, 40.05, to_mm))
 }
@@ -131,9 +131,9 @@ pub(crate) fn slab(from_mm: f32, to_mm: f32) -> Mesh {
 pub(crate) struct Difference {
     /// Largest difference, grey levels.
     pub(crate) most: u8,
-    /// Fraction of the pixels that differ by more than one level.
+    /// Fraction of the pixels that differ by more than one grey level.
     pub(crate) part: f64,
-    /// Mean level of the first image; `mean_off` is the second's mean minus it.
+    /// Mean grey level of the first image; `mean_off` is the second image's mean minus it.
     pub(crate) mean: f64,
     pub(crate) mean_off: f64,
 }

@@ -1,4 +1,4 @@
-//! A planned frame equals the frame with all effects, within the bound stated by the plan.
+//! A frame with the planned effects equals the frame with all effects, within the bound that the plan states.
 
 use glam::{Quat, Vec3};
 use insonify::anatomy::Tissue;
@@ -13,11 +13,11 @@ fn bound_of(case: &Case, effect: Effect) -> Bound {
     case.plan().decisions().iter().find(|d| d.effect == effect).unwrap().bound.clone()
 }
 
-/// Largest part of the pixels that may differ by more than one level. Where f32 moves a point into the next cell of scatterers, or makes another
-/// of a cell's scatterers the nearest, a sample differs.
+/// Largest fraction of the pixels that may differ by more than one level. A sample differs where rounding moves a point
+/// into the next cell of scatterers, or makes another scatterer of a cell the nearest.
 const MOVED: f64 = 3e-3;
 
-/// Asserts equality except for rounding of grey levels.
+/// Asserts that the frames are equal, except for rounding of grey levels.
 fn assert_exact(name: &str, case: &Case) {
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
@@ -39,7 +39,7 @@ fn the_sample_scenes_are_the_same_with_all_effects() {
     }
 }
 
-/// Speckle alone below a convex probe.
+/// A case with nothing but speckle, below a convex probe.
 fn speckle_alone(speed_m_s: f64) -> Case {
     let mut case = Case::of(vec![part("slab", "a", slab(10.04, 20.0))], &[("a", speckled(speed_m_s, 1.6, 0.01))], "a");
     case.probe.kind = ProbeKind::Convex { radius_mm: 20.0, fov_deg: 50.0 };
@@ -182,7 +182,7 @@ fn invisible_attenuation_is_left_out() {
     }
 }
 
-/// Parts of several tissues of equal speed: no refraction and little reflection.
+/// Parts of several tissues of equal speed, which refract nothing and reflect little.
 fn one_speed() -> (Vec<Part>, [(&'static str, Tissue); 3]) {
     let parts = vec![
         part("slab", "b", slab(8.04, 30.0)),

@@ -1,5 +1,5 @@
-//! The effect plan: its choice for each scene, the equality of planned and complete frames within its bound, and
-//! effects that are easily missed.
+//! Tests of the effect plan: its choice of effects for each scene, the equality of planned and complete frames within
+//! the plan's bound, and effects that are easily missed.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 

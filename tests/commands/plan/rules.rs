@@ -1,4 +1,4 @@
-//! Rules of the plan: forced effects, attenuation, lines, and roughness in the rules of other effects.
+//! Rules of the effect plan: forced effects, attenuation, lines, and the influence of roughness on other effects.
 
 use insonify::anatomy::Tissue;
 use insonify::render::plan::Bound;
@@ -10,7 +10,7 @@ fn decision(case: &Case, effect: Effect) -> Decision {
     case.plan().decisions().iter().find(|d| d.effect == effect).unwrap().clone()
 }
 
-/// A slab of `b` in `a`.
+/// A slab of tissue `b` in tissue `a`.
 fn two(a: Tissue, b: Tissue) -> Case {
     Case::of(vec![part("slab", "b", slab(10.04, 20.0))], &[("a", a), ("b", b)], "a")
 }

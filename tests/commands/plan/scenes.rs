@@ -1,4 +1,4 @@
-//! Plans of all scenes of `configs/`.
+//! Effect plans of all scenes in `configs/`.
 
 use glam::Vec3;
 use insonify::anatomy::TissueTable;
@@ -10,16 +10,16 @@ use insonify::render::{Choice, Effect};
 
 use crate::plan::bench::{Case, station};
 
-/// Effects called for by any scene with interfaces between tissues.
+/// Effects that any scene with interfaces between tissues needs.
 const TISSUES: [&str; 7] =
     ["refraction", "speed_displacement", "interface_echoes", "roughness", "thickness", "reflections", "attenuation"];
 
-/// The effects of tissues and of `more`, in canonical order.
+/// [`TISSUES`] and the effects `more`, in canonical order.
 fn tissues_and(more: &[&'static str]) -> Vec<&'static str> {
     Effect::NAMES.iter().copied().filter(|name| TISSUES.contains(name) || more.contains(name)).collect()
 }
 
-/// The obstetric station with its phantom's organs as boxes: a plan reads only their tissues and motion.
+/// The obstetric station with boxes instead of organs. A plan reads only the organs' tissues and motion.
 fn obstetric() -> Case {
     let station = station("obstetric");
     let parameters = Parameters::default();

@@ -1,11 +1,12 @@
-//! Small files that stand for much data: refused with exit code 2 in 4 GB of memory, never ended by the system.
+//! Small files that expand to much data are refused with exit code 2 in 4 GB of memory. The system never has to end the
+//! program.
 
 use std::path::Path;
 use std::process::Output;
 
 use crate::program::{refused, stderr};
 
-/// The program with these arguments in 4 GB of memory.
+/// Runs the program with these arguments in 4 GB of memory.
 fn limited(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new("sh");
     command.args(["-c", "ulimit -v 4000000; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_insonify")]);
@@ -18,7 +19,7 @@ fn written(folder: &Path, name: &str, bytes: &[u8]) -> String {
     path.display().to_string()
 }
 
-/// NRRD of `size` voxels along each axis; its gzip data has a few bytes only.
+/// An NRRD file that announces `size` voxels along each axis; its gzip data are only a few bytes.
 fn nrrd(kind: &str, size: usize) -> Vec<u8> {
     let header = format!(
         "NRRD0004\ntype: {kind}\ndimension: 3\nspace: LPS\nsizes: {size} {size} {size}\nendian: little\nencoding: gzip\n\

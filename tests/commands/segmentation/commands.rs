@@ -1,4 +1,4 @@
-//! `insonify scene`, as a user types it.
+//! Tests of `insonify scene`, as a user types it.
 
 use std::path::Path;
 
@@ -160,7 +160,7 @@ fn meshes_become_a_scene_and_toss_ups_are_asked_about() {
     assert!(!out.exists());
 }
 
-/// A body with liver, kidneys, aorta and bladder.
+/// Label map of a body with liver, kidneys, aorta and bladder.
 pub(crate) fn abdomen() -> Volume {
     let affine =
         DAffine3::from_translation(DVec3::new(-130.0, -90.0, -150.0)) * DAffine3::from_scale(DVec3::splat(3.0));

@@ -4,17 +4,17 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
-/// A label map with the affine of its file's own axes.
+/// A label map, to be written with the affine of the file's own axes.
 pub(crate) struct Volume {
     pub(crate) size: [usize; 3],
-    /// Voxel index to LPS, mm.
+    /// Transform from voxel index to LPS, mm.
     pub(crate) lps_from_voxel: DAffine3,
-    /// i fastest.
+    /// Labels of the voxels, i fastest.
     pub(crate) labels: Vec<u8>,
 }
 
 impl Volume {
-    /// Labels of `label_at`, a function of LPS, on a grid.
+    /// Label map on a grid; `label_at` gives the label at a position (LPS, mm).
     pub(crate) fn of(size: [usize; 3], lps_from_voxel: DAffine3, label_at: impl Fn(DVec3) -> u8) -> Self {
         let mut labels = Vec::with_capacity(size.iter().product());
         for k in 0..size[2] {
@@ -27,7 +27,7 @@ impl Volume {
         Self { size, lps_from_voxel, labels }
     }
 
-    /// The same data with axes permuted and flipped: axis n of the result is axis `order[n]` of this one, reversed where
+    /// The same map with axes permuted and reversed. Axis n of the result is axis `order[n]` of this map, reversed if
     /// `reversed[n]`.
     pub(crate) fn turned(&self, order: [usize; 3], reversed: [bool; 3]) -> Self {
         let size = order.map(|n| self.size[n]);
@@ -64,7 +64,7 @@ impl Volume {
         self.lps_from_voxel.transform_point3(DVec3::from_array(at.map(|v| v as f64)))
     }
 
-    /// NIfTI-1 with an sform.
+    /// Bytes of a NIfTI-1 file with an sform.
     pub(crate) fn nifti(&self) -> Vec<u8> {
         let mut header = vec![0u8; 352];
         let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
@@ -94,7 +94,7 @@ impl Volume {
         header
     }
 
-    /// NRRD in LPS, raw.
+    /// Bytes of a raw NRRD file in LPS.
     pub(crate) fn nrrd(&self) -> Vec<u8> {
         let vector = |v: DVec3| format!("({:?},{:?},{:?})", v.x, v.y, v.z);
         let m = self.lps_from_voxel.matrix3;
@@ -109,7 +109,7 @@ impl Volume {
     }
 }
 
-/// Writes a file and returns its path as text.
+/// Writes a file; returns its path as text.
 pub(crate) fn written(folder: &Path, name: &str, bytes: &[u8]) -> String {
     let path = folder.join(name);
     std::fs::write(&path, bytes).unwrap();

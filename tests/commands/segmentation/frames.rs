@@ -1,4 +1,4 @@
-//! The segmentation map of frames against the label map in their planes.
+//! Comparison of frames' segmentation maps with the label map in the scan planes.
 
 use glam::{DQuat, DVec3};
 use insonify::anatomy::{Scene, TissueTable};
@@ -10,7 +10,7 @@ use super::files::Volume;
 use super::labels::made;
 use super::shapes::{CENTRE, MAPS, volume};
 
-/// Label in a voxel and in the 26 around it, if all are equal and on the grid.
+/// Label at a position, if the voxel there and the 26 around it are on the grid and have equal labels.
 fn certain(volume: &Volume, lps_mm: DVec3) -> Option<u8> {
     let at = volume.lps_from_voxel.inverse().transform_point3(lps_mm).round();
     let label = |d: DVec3| {

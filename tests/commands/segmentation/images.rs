@@ -1,4 +1,4 @@
-//! Images that are given with labels, and files whose placements contradict each other, as a user meets them.
+//! Images that are given with labels, and files with contradictory placements, as a user meets them.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::program::{insonify, refused, succeeded};
 
 const SIZE: [usize; 3] = [56, 70, 30];
 
-/// Voxel index to LPS, mm; 6 mm apart.
+/// Transform from voxel index to LPS, mm; voxels are 6 mm apart.
 fn lps_from_voxel() -> DAffine3 {
     DAffine3::from_scale_rotation_translation(
         DVec3::splat(6.0),
@@ -18,7 +18,7 @@ fn lps_from_voxel() -> DAffine3 {
     )
 }
 
-/// A trunk near the front of its grid: label and HU at a position.
+/// Label and HU at a position, for a trunk near the front of its grid.
 fn trunk(p: DVec3) -> (u8, i16) {
     let within =
         |centre: [f64; 3], radii: [f64; 3]| ((p - DVec3::from(centre)) / DVec3::from(radii)).length_squared() <= 1.0;
@@ -37,7 +37,7 @@ fn labels() -> Volume {
     Volume::of(SIZE, lps_from_voxel(), |p| trunk(p).0)
 }
 
-/// NIfTI of 16-bit values at the places of `grid`, which may have changed its affine.
+/// NIfTI file of 16-bit values at the positions of `grid`; `hu` changes the values.
 fn image(grid: &Volume, hu: impl Fn(i16) -> i16) -> Vec<u8> {
     let mut bytes = grid.nifti();
     bytes.truncate(352);
@@ -53,7 +53,7 @@ fn scene(folder: &Path, labels: &str, more: &[&str]) -> std::process::Output {
     insonify(&[&usual, more].concat())
 }
 
-/// Volume of the skin, ml, and the remarks.
+/// Volume of the skin, ml, and the remarks, from a printed summary.
 fn skin_and_remarks(printed: &str) -> (f64, String) {
     let summary: serde_json::Value = serde_json::from_str(printed).unwrap();
     let surfaces = summary["surfaces"].as_array().unwrap();

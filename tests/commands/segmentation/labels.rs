@@ -1,4 +1,4 @@
-//! Label maps of known shapes, in every orientation and both formats.
+//! Scenes from label maps of known shapes, in every orientation and both formats.
 
 use std::collections::HashMap;
 
@@ -16,13 +16,13 @@ use insonify::segmentation::volume::{LabelMap, ReadOptions, read_labels};
 use super::files::{Volume, written};
 use super::shapes::{MAPS, VOXEL_MM, volume};
 
-/// Inputs of a label map alone, and segments without a class.
+/// Inputs of a scene from a label map alone, and segments without a class.
 fn gathered(labels: LabelMap, table: &ClassTable) -> (Inputs, Vec<Unmapped>) {
     let measures = measure(&labels);
     gather(labels, &measures, table, None, None, false, false).unwrap()
 }
 
-/// Surfaces of a label map whose numbers mean what `MAPS` says.
+/// Surfaces made from a label map whose numbers have the meanings [`MAPS`].
 pub(crate) fn made(bytes: &[u8], name: &str, triangles: usize) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let path = written(folder.path(), name, bytes);
@@ -38,7 +38,7 @@ fn organs(outcome: &Outcome) -> Vec<&Made> {
     outcome.surfaces.iter().filter(|s| s.segment.is_some()).collect()
 }
 
-/// Number of parts that share edges, and of edges that don't belong to just two triangles.
+/// Number of parts, whose triangles are connected over edges, and number of edges that don't have just two triangles.
 fn parts_and_bad_edges(mesh: &Mesh) -> (usize, usize) {
     let mut edges: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
     for (n, &[a, b, c]) in (0..).zip(&mesh.triangles) {
@@ -63,7 +63,7 @@ fn parts_and_bad_edges(mesh: &Mesh) -> (usize, usize) {
     (roots, bad)
 }
 
-/// Volume (mm³) and centroid of a label's voxels.
+/// Volume (mm³) and centroid of the voxels with a label.
 fn of_voxels(volume: &Volume, label: u8) -> (f64, DVec3) {
     let at: Vec<DVec3> =
         (0..volume.labels.len()).filter(|&i| volume.labels[i] == label).map(|i| volume.place(i)).collect();

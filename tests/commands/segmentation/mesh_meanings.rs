@@ -1,4 +1,4 @@
-//! `insonify scene from-meshes` with files of several organs, other units and far places.
+//! Tests of `insonify scene from-meshes` with files of several organs, other units and far positions.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,8 @@ use glam::DVec3;
 use super::files::written;
 use crate::program::{insonify, refused, succeeded};
 
-/// Boxes of OBJ, each after its statements, with sides and place in the file's unit.
+/// Text of an OBJ file of boxes. Each box is given by the statements before it, its sides and its position, in the
+/// file's unit.
 fn boxes(boxes: &[(&str, DVec3, DVec3)]) -> String {
     let mut text = String::new();
     for (n, (before, low, size)) in boxes.iter().enumerate() {
@@ -27,7 +28,7 @@ fn boxes(boxes: &[(&str, DVec3, DVec3)]) -> String {
 const LIVER: (DVec3, DVec3) = (DVec3::new(-110.0, -60.0, 0.0), DVec3::new(160.0, 100.0, 120.0));
 const KIDNEY: (DVec3, DVec3) = (DVec3::new(-90.0, 60.0, -90.0), DVec3::new(50.0, 50.0, 105.0));
 
-/// Liver and right kidney, mm LPS, each after its statements.
+/// Text of an OBJ file of liver and right kidney, mm in LPS, with the statements before each.
 fn organs(liver: &str, kidney: &str) -> String {
     boxes(&[(liver, LIVER.0, LIVER.1), (kidney, KIDNEY.0, KIDNEY.1)])
 }
@@ -53,7 +54,7 @@ impl Folder {
         insonify(&[&["scene", "from-meshes"], &arguments[..], &["--out", &out, "--force", "--json"]].concat())
     }
 
-    /// Volume of a surface, ml.
+    /// Volume of a surface of the scene that the command with `arguments` makes, ml.
     fn ml(&self, arguments: &[impl AsRef<str>], surface: &str) -> f64 {
         let summary = self.summary(arguments);
         let rows = summary["surfaces"].as_array().unwrap();

@@ -1,4 +1,4 @@
-//! Bodies of meshes, and surfaces that were exported twice.
+//! Scenes from meshes that include a body, or surfaces that were exported twice.
 
 use glam::Vec3;
 use insonify::anatomy::{Mesh, analytic};

@@ -1,4 +1,4 @@
-//! Scenes from patients: label maps and meshes, by the library and by the command.
+//! Tests of scenes from patients: label maps and meshes, by the library and by the command.
 
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::panic)]

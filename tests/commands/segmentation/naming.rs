@@ -1,4 +1,4 @@
-//! What labels are named by, and whether they can be a human's, as a user types it.
+//! Origin of the labels' names, and whether the labels can be a human's, as a user meets them.
 
 use std::path::Path;
 use std::process::Output;
@@ -14,14 +14,14 @@ fn from_labels(labels: &str, out: &Path, more: &[&str]) -> Output {
     insonify(&[&["scene", "from-labels", labels, "--out", &out, "--triangles", "20000", "--force"], more].concat())
 }
 
-/// The abdomen with other numbers: that of each label by `number_of`.
+/// The abdomen with other label numbers, which `number_of` gives for the usual ones.
 fn renumbered(number_of: impl Fn(u8) -> u8) -> Volume {
     let mut volume = abdomen();
     volume.labels.iter_mut().for_each(|label| *label = number_of(*label));
     volume
 }
 
-/// The abdomen with voxels that run the other way from left to right.
+/// The abdomen with its voxels mirrored left to right.
 fn mirrored() -> Volume {
     let volume = abdomen();
     let lps_from_voxel = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)) * volume.lps_from_voxel;

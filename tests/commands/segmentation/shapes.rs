@@ -1,27 +1,27 @@
-//! Analytic label maps.
+//! Label maps of shapes that formulas describe.
 
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::files::Volume;
 
-/// Voxels' side, mm.
+/// Side of a voxel, mm.
 pub(crate) const VOXEL_MM: f64 = 1.5;
-/// Voxels along each axis.
+/// Number of voxels along each axis.
 pub(crate) const SIZE: [usize; 3] = [84, 76, 72];
 
-/// What each label means, for `--map`.
+/// Meaning of each label, for `--map`.
 pub(crate) const MAPS: [&str; 6] = ["1=liver", "2=gallstone", "3=spleen", "4=kidney", "5=blood", "6=muscle"];
 
-/// Grid whose centre is at `CENTRE`.
+/// Centre of the grid, LPS, mm.
 pub(crate) const CENTRE: DVec3 = DVec3::new(12.0, -40.0, 310.0);
 
-/// Axis of the tube.
+/// Direction of the tube.
 pub(crate) fn tube_axis() -> DVec3 {
     DVec3::new(1.0, 0.45, 0.62).normalize()
 }
 
-/// Label at a point (LPS, mm): nested balls, touching boxes, an oblique tube three voxels thick, a ball that the border
-/// cuts.
+/// Label at a point (LPS, mm). There are nested balls, touching boxes, an oblique tube three voxels thick, and a ball
+/// that the border cuts.
 pub(crate) fn label(lps_mm: DVec3) -> u8 {
     let p = lps_mm - CENTRE;
     let within = |low: DVec3, high: DVec3| p.cmpge(low).all() && p.cmplt(high).all();
@@ -38,7 +38,7 @@ pub(crate) fn label(lps_mm: DVec3) -> u8 {
     }
 }
 
-/// The label map with voxels along the patient's axes, or turned by `turn` about its middle.
+/// The label map on a grid along the patient's axes, rotated by `turn` about its centre.
 pub(crate) fn volume(turn: DQuat) -> Volume {
     let half = DVec3::from_array(SIZE.map(|n| 0.5 * (n as f64 - 1.0)));
     let lps_from_voxel = DAffine3::from_translation(CENTRE)

@@ -1,4 +1,4 @@
-//! A segmentation of 3D Slicer: `Segmentation.seg.nrrd` of the package slicerio.
+//! Test with a segmentation of 3D Slicer: `Segmentation.seg.nrrd` of the package slicerio.
 
 use std::path::Path;
 

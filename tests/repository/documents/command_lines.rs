@@ -14,13 +14,13 @@ mod shell;
 
 use shell::Command;
 
-/// Programs and words that run the command that follows them.
+/// Programs and shell words after which a command may stand.
 const BEFORE: [&str; 12] =
     ["do", "then", "else", "exec", "nice", "nohup", "parallel", "sudo", "time", "/usr/bin/time", "timeout", "xargs"];
-/// Values that are tried for a placeholder after an option.
+/// Values that are tried in place of a placeholder after an option.
 const VALUES: [&str; 7] = ["lq", "1", "1x1", "64x64", "page.html", "host", "0,0,0,1,0,0,0"];
 
-/// The words from `insonify` on, if the command runs it.
+/// Words of the command from `insonify` on; `None` if it doesn't run the program.
 fn arguments(command: &Command) -> Option<Vec<String>> {
     let is_program = |word: &str| Path::new(word).file_name().is_some_and(|name| name == "insonify");
     let is_variable = |word: &str| {
@@ -42,7 +42,7 @@ fn arguments(command: &Command) -> Option<Vec<String>> {
     Some(words.map(|word| word.split('|').next().unwrap_or(word)).map(filled).collect())
 }
 
-/// The word with a number for what a shell puts in.
+/// The word, with a number in place of what a shell would substitute.
 fn filled(word: &str) -> String {
     let mut text = word.replace("{}", "1");
     while let Some(start) = text.find('$') {
@@ -64,12 +64,12 @@ fn filled(word: &str) -> String {
     text
 }
 
-/// Whether the word stands for a value.
+/// Whether the word is a placeholder for a value.
 fn is_placeholder(word: &str) -> bool {
     word.len() <= 12 && word.chars().all(|c| c.is_ascii_uppercase() || c == '_')
 }
 
-/// What is wrong with a command line, if anything.
+/// Fault of a command line; `None` if it is right.
 fn fault(words: &[String], inline: bool) -> Option<String> {
     let error = Cli::try_parse_from(words).err()?;
     let named = inline
@@ -97,7 +97,7 @@ fn fault(words: &[String], inline: bool) -> Option<String> {
     (!fits).then(|| error.to_string().lines().take(2).map(str::trim).collect::<Vec<_>>().join(" "))
 }
 
-/// Number of command lines of a document, and what is wrong with them.
+/// Number of command lines in a document, and the faults among them.
 fn check(name: &str, text: &str) -> (usize, Vec<String>) {
     let mut count = 0;
     let mut faults = Vec::new();

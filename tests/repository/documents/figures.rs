@@ -1,4 +1,4 @@
-//! `scripts/figures`: tables are as their data, and an interrupted measuring goes on.
+//! Tests of `scripts/figures`: tables agree with their data, and an interrupted measurement is resumed.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -7,8 +7,8 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// A stand-in for `insonify render`: it logs its arguments. Where the file `interrupt` exists, it interrupts the measuring at
-/// HQ; where `fail` exists, it fails.
+/// Stand-in for `insonify render` that logs its arguments. If the file `interrupt` exists, it interrupts the
+/// measurement at HQ; if `fail` exists, it fails there.
 const PROGRAM: &str = r#"#!/bin/sh
 here=$(dirname "$0")
 echo "$@" >> "$here/calls"
@@ -20,7 +20,7 @@ esac
 
 const PAGE: &str = "# Performance\n\n<!-- figure: memory -->\n<!-- /figure -->\n";
 
-/// The Python of the tests.
+/// Name of the Python that the tests use.
 pub(crate) fn python() -> String {
     std::env::var("INSONIFY_PYTHON").unwrap_or_else(|_| "python3".into())
 }
@@ -71,14 +71,14 @@ impl Checkout {
         self.root.path().join("docs/performance.md")
     }
 
-    /// Measures the memory, and returns the exit code and what was said.
+    /// Runs a measurement; returns the exit code and the messages.
     fn measure(&self, name: &str) -> (Option<i32>, String) {
         let program = self.program();
         let output = figures(self.root.path(), &[name, "--program", program.to_str().unwrap()]);
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     }
 
-    /// Calls of the program since the last time.
+    /// Calls of the program since the last call of this function, by quality.
     fn calls(&self) -> Vec<&'static str> {
         let path = self.bin.path().join("calls");
         let text = fs::read_to_string(&path).unwrap_or_default();
@@ -207,7 +207,7 @@ fn tables_that_differ_from_their_data_are_found() {
     assert_eq!(fs::read_to_string(checkout.page()).unwrap(), right);
 }
 
-/// Markdown that the table `name` makes of `data`, a Python expression.
+/// Markdown of the table `name` for `data`, a Python expression.
 fn rendered(name: &str, data: &str) -> String {
     let code = format!("from measuring import tables\nprint(tables.{name}({data}))");
     let output = Command::new("python3").arg("-c").arg(code).env("PYTHONPATH", super::root().join("scripts")).output();
@@ -216,7 +216,8 @@ fn rendered(name: &str, data: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Data of a trade-off with four points: name, generator, p95, pixel error, SSIM. Effects are compared with theory twice.
+/// Data of a trade-off with four points: name, generator, p95, pixel error, SSIM. The effects are compared with theory
+/// twice.
 fn tradeoff_data(translated: (f64, f64)) -> String {
     let (error, ssim) = translated;
     let point = |name: &str, generator: &str, ms: f64, error: f64, ssim: f64| {

@@ -1,4 +1,4 @@
-//! Relative links and pictures of documents, with their anchors.
+//! Tests of relative links and pictures in documents, with their anchors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -7,7 +7,7 @@ use pulldown_cmark::{Event, LinkType, Tag, TagEnd};
 
 use super::markdown::events;
 
-/// Links of a document that lead nowhere.
+/// Messages on the links of a document that lead nowhere.
 pub(crate) fn broken(root: &Path, document: &Path, text: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for (line, target) in targets(text) {
@@ -58,7 +58,7 @@ fn targets(text: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// The path in the repository of a link in `document`.
+/// Path in the repository to which a link in `document` leads; `None` if it leads outside.
 fn resolved(document: &Path, link: &str) -> Option<PathBuf> {
     let mut path = document.parent()?.to_owned();
     for part in Path::new(link).components() {
@@ -76,7 +76,7 @@ fn resolved(document: &Path, link: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Whether a file is there under this name, upper and lower case included, and not where git ignores it.
+/// Whether a file with this exact name exists, case included, and git does not ignore it.
 fn is_there(root: &Path, path: &Path) -> bool {
     let mut folder = root.to_owned();
     path.components().all(|part| {
@@ -88,7 +88,7 @@ fn is_there(root: &Path, path: &Path) -> bool {
     }) && !["target", "out", "third_party", "runs"].iter().any(|ignored| path.starts_with(ignored))
 }
 
-/// Anchors of the headings, as GitHub makes them.
+/// Anchors of a document's headings, as GitHub makes them.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
     let mut found = BTreeSet::new();
@@ -109,7 +109,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
     found
 }
 
-/// Lower case, without punctuation; blanks become hyphens.
+/// Anchor of a heading: lower case, without punctuation, with hyphens for blanks.
 fn slug(title: &str) -> String {
     let letters = title.trim().to_lowercase();
     let letters = letters.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));

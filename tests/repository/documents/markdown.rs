@@ -1,4 +1,4 @@
-//! Markdown documents of the repository, and their code.
+//! Markdown documents of the repository, and the code in them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(crate) fn documents(root: &Path) -> std::io::Result<Vec<Document>> {
     Ok(found)
 }
 
-/// What a document consists of, each with the number of its line, from 1.
+/// Markdown elements of a document, each with the number of its line, from 1.
 pub(crate) fn events(text: &str) -> impl Iterator<Item = (usize, Event<'_>)> {
     let line = |at: usize| text[..at].matches('\n').count() + 1;
     let parts = Parser::new_ext(text, Options::ENABLE_TABLES).into_offset_iter();
@@ -47,13 +47,13 @@ pub(crate) fn events(text: &str) -> impl Iterator<Item = (usize, Event<'_>)> {
 
 /// A block of code, or inline code.
 pub(crate) struct Code {
-    /// Language after the fence.
+    /// Language stated after the fence of a block.
     pub(crate) language: String,
-    /// Whether it stands in running text.
+    /// Whether the code stands in running text.
     pub(crate) inline: bool,
-    /// Number of its first line, from 1.
+    /// Number of the first line, from 1.
     pub(crate) line: usize,
-    /// Its text; inline code is one line.
+    /// Text of the code; inline code is one line.
     pub(crate) text: String,
 }
 

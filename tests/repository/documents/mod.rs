@@ -1,5 +1,5 @@
-//! The documents: links, pictures, placeholders, make targets, lengths of sentences, and tables of figures; and the weight
-//! of what git tracks. Their command lines are held to the parser in `command_lines.rs`, among the tests of the program.
+//! Tests of the documents: links, pictures, placeholders, make targets, lengths of sentences, and tables of figures;
+//! also the size of what git tracks. The command lines in documents are tested in `command_lines.rs`, with the program.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -16,12 +16,12 @@ use std::path::Path;
 
 use markdown::documents;
 
-/// The repository.
+/// Root of the repository.
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Lines with something that was to be replaced.
+/// Messages on lines with a placeholder that should have been replaced.
 fn placeholders(name: &str, text: &str) -> Vec<String> {
     let is_word = |word: &str| ["TODO", "TBD", "FIXME", "XXX"].contains(&word);
     let is_marked = |line: &str| {
@@ -32,7 +32,7 @@ fn placeholders(name: &str, text: &str) -> Vec<String> {
     left.map(|(number, line)| format!("{name}:{number}: a placeholder: {line}")).collect()
 }
 
-/// Targets of `make` that the Makefile lacks.
+/// Messages on `make` targets that the Makefile lacks.
 fn targets(name: &str, text: &str, makefile: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for command in shell::commands(text).iter().filter(|command| command.words[0] == "make") {

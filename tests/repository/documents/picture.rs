@@ -1,4 +1,4 @@
-//! The wait for a settled session before a picture of the page is taken.
+//! Test of the wait for a settled session before a picture of the page is taken.
 
 use std::process::Command;
 

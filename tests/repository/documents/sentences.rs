@@ -1,17 +1,17 @@
-//! Lengths of the sentences of documents.
+//! Test of the lengths of sentences in documents.
 
 use pulldown_cmark::{Event, Tag, TagEnd};
 
 use super::markdown::events;
 
-/// Documents whose sentences are short.
+/// Documents whose sentences must be short.
 pub(crate) const SHORT: [&str; 2] = ["README.md", "ARCHITECTURE.md"];
-/// Most words of a sentence.
+/// Largest number of words in a sentence.
 pub(crate) const WORDS_MAX: usize = 30;
-/// Words with a full stop that ends no sentence.
+/// Abbreviations whose full stop ends no sentence.
 const ABBREVIATIONS: [&str; 4] = ["e.g.", "i.e.", "cf.", "vs."];
 
-/// Sentences with too many words.
+/// Messages on sentences with too many words.
 pub(crate) fn too_long(name: &str, text: &str) -> Vec<String> {
     let long = sentences(text).into_iter().filter(|(_, words)| words.len() > WORDS_MAX);
     let said = |(line, words): (usize, Vec<String>)| {
@@ -21,8 +21,8 @@ pub(crate) fn too_long(name: &str, text: &str) -> Vec<String> {
     long.map(said).collect()
 }
 
-/// First line and words of each sentence of paragraphs, headings, list items and cells of tables. Inline code is one word, a
-/// link is its text.
+/// First line and words of each sentence in paragraphs, headings, list items and table cells. Inline code counts as one
+/// word, a link as its text.
 fn sentences(text: &str) -> Vec<(usize, Vec<String>)> {
     let mut found = Vec::new();
     // Line breaks stay, so that a sentence is found.
@@ -52,7 +52,7 @@ fn sentences(text: &str) -> Vec<(usize, Vec<String>)> {
     found
 }
 
-/// Adds the sentences of a block.
+/// Adds the sentences of a block to `found`.
 fn split(block: &str, first_line: usize, found: &mut Vec<(usize, Vec<String>)>) {
     let words = (first_line..).zip(block.lines());
     let words = words.flat_map(|(line, text)| text.split_whitespace().map(move |word| (line, word)));

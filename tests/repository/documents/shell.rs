@@ -7,23 +7,23 @@ use super::markdown::code;
 /// A command of a document.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Command {
-    /// Number of its line, from 1.
+    /// Number of the command's line, from 1.
     pub(crate) line: usize,
-    /// Whether it stands in running text, where a command's name alone may stand for it.
+    /// Whether the command stands in running text, where its name alone may stand for it.
     pub(crate) inline: bool,
-    /// Its words.
+    /// Words of the command.
     pub(crate) words: Vec<String>,
 }
 
-/// Languages of blocks that are typed into a shell.
+/// Languages of code blocks that are typed into a shell.
 const SHELLS: [&str; 6] = ["", "sh", "bash", "shell", "console", "text"];
 /// Languages of blocks without commands.
 const NO_SHELLS: [&str; 7] = ["toml", "rust", "python", "json", "wgsl", "js", "mermaid"];
 
-/// Words between two commands.
+/// Operators between two commands.
 const OPERATORS: [&str; 5] = ["|", "||", "&", "&&", ";"];
 
-/// The commands of a document: of its blocks, and its inline code.
+/// The commands in a document, from its code blocks and its inline code.
 pub(crate) fn commands(text: &str) -> Vec<Command> {
     let mut found = Vec::new();
     for code in code(text) {
@@ -49,7 +49,7 @@ pub(crate) fn commands(text: &str) -> Vec<Command> {
     found
 }
 
-/// The simple commands of a line: without comments, redirections and operators between them.
+/// The simple commands of a line, without comments, redirections and the operators between them.
 fn split(line: &str) -> Vec<Vec<String>> {
     let mut all: Vec<Vec<String>> = Vec::new();
     let mut words: Vec<String> = Vec::new();

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
-/// Largest file without a reason, bytes.
+/// Largest size of a file without a stated reason, bytes.
 pub(crate) const LARGEST: u64 = 1_000_000;
 
-/// Larger files, each with its reason.
+/// Files that may be larger, each with the reason.
 pub(crate) const LISTED: [(&str, &str); 8] = [
     ("assets/generators/beam_m_rolling/beam_m_rolling.onnx", "the generator of live stations, part of the program"),
     ("assets/generators/beam_msa/beam_msa.onnx", "a shipped generator: its network has half a million weights"),
@@ -18,7 +18,7 @@ pub(crate) const LISTED: [(&str, &str); 8] = [
     ("docs/images/live.webp", "the README's film of a live station"),
 ];
 
-/// Tracked files below `root` with their sizes, bytes. Files that were deleted and not yet committed are left out.
+/// Tracked files below `root`, with their sizes in bytes. Files whose deletion is not yet committed are left out.
 pub(crate) fn tracked(root: &Path) -> std::io::Result<Vec<(String, u64)>> {
     let listed = Command::new("git").arg("-C").arg(root).args(["ls-files", "-z"]).output()?;
     let names = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -26,7 +26,7 @@ pub(crate) fn tracked(root: &Path) -> std::io::Result<Vec<(String, u64)>> {
     Ok(names.filter_map(|name| Some((name.to_owned(), root.join(name).metadata().ok()?.len()))).collect())
 }
 
-/// Files that are too large, and entries of `listed` that are not needed.
+/// Messages on files that are too large, and on unneeded entries of `listed`.
 pub(crate) fn faults(files: &[(String, u64)], listed: &[(&str, &str)]) -> Vec<String> {
     let is_large = |name: &str| files.iter().any(|(file, bytes)| file == name && *bytes > LARGEST);
     let heavy = files.iter().filter(|(name, bytes)| *bytes > LARGEST && !listed.iter().any(|(known, _)| known == name));

@@ -1,5 +1,5 @@
-//! The aperture's gain: obstacles on the face and at its end, narrower than a cell, opaque beyond all measure, or none;
-//! apertures wider than the face; curved faces of any radius.
+//! Hard cases of the aperture's gain. Obstacles are on the face or at its end, narrower than a cell, fully opaque, or
+//! absent; apertures are wider than the face; faces have any radius.
 
 use glam::{DVec2, Vec3};
 use insonify::anatomy::{Scene, Tissue, analytic};
@@ -10,7 +10,7 @@ use insonify::transducer::{Probe, ProbeKind};
 
 use super::common::{ROUNDING, frame, holds, renderer, row, settings};
 
-/// Speckle with boxes of a loss: lower and upper corner of each, mm.
+/// Speckle with boxes that absorb `db_cm_mhz`; each is given by its lower and upper corner, mm.
 fn obstacles(db_cm_mhz: f64, boxes: &[[[f32; 3]; 2]]) -> Scene {
     let mut bench = Bench::new(grainy(0.0, 0.01));
     let opaque = bench.tissue(Tissue { attenuation_db_cm_mhz: db_cm_mhz, ..grainy(0.0, 0.01) });

@@ -1,4 +1,4 @@
-//! Shared helpers of all cases: one backend, checks of frames, tolerances, the printed table.
+//! Helpers that all hard cases share: a backend, checks of frames, tolerances, the printed table.
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -11,19 +11,19 @@ use insonify::render::{
 use insonify::selftest::bench::small;
 use insonify::transducer::Probe;
 
-/// The backend that cases share, of `INSONIFY_BACKEND`.
+/// The backend that all cases share, chosen by `INSONIFY_BACKEND`.
 fn backend() -> &'static Backend {
     static BACKEND: OnceLock<Backend> = OnceLock::new();
     BACKEND.get_or_init(|| Backend::open(BackendChoice::from_environment().unwrap().unwrap_or_default()).unwrap())
 }
 
-/// The device of cases with changed shaders.
+/// The device for cases with changed shaders.
 fn device() -> &'static Backend {
     static DEVICE: OnceLock<Backend> = OnceLock::new();
     DEVICE.get_or_init(|| Backend::open(BackendChoice::Device).unwrap())
 }
 
-/// A renderer of any scene, however unsound; changed shaders run on a device.
+/// A renderer of any scene, however unsound. Changed shaders need a device.
 pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, shaders: &ShaderSet) -> Renderer {
     // Software devices compile one renderer at a time as fast as several.
     static COMPILE: Mutex<()> = Mutex::new(());
@@ -33,20 +33,20 @@ pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, 
     Renderer::with_hooks(backend, scene, Bvh::build(scene).unwrap(), probe, settings, &hooks).unwrap()
 }
 
-/// Settings with the aperture as chosen.
+/// Small settings with this choice for the aperture effect.
 pub(crate) fn settings(rays: u32, layers: u32, aperture: Choice) -> RenderSettings {
     let plain = small(rays, layers);
     RenderSettings { effects: plain.effects.with(Effect::Aperture, aperture), ..plain }
 }
 
-/// The shipped shaders with one change.
+/// The shipped shaders with one change: in the source of `pass`, `to` replaces `from`.
 pub(crate) fn patched(pass: &str, from: &str, to: &str) -> ShaderSet {
     let mut shaders = ShaderSet::default();
     assert!(shaders.replace(pass, from, to), "{pass} has no `{from}`");
     shaders
 }
 
-/// Asserts that a pass contains these lines, which a case repeats in Rust.
+/// Asserts that a pass contains these lines of code, which a case repeats in Rust.
 #[track_caller]
 pub(crate) fn assert_pass_contains(pass: &str, lines: &[&str]) {
     for line in lines {
@@ -54,16 +54,16 @@ pub(crate) fn assert_pass_contains(pass: &str, lines: &[&str]) {
     }
 }
 
-/// Accepted differences between a frame and its twin.
+/// Accepted differences between a frame and that of its f64 twin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tolerance {
-    /// Mean difference of grey levels, of 255.
+    /// Mean difference of grey levels (0 to 255).
     pub(crate) grey: f64,
     /// Fraction of the sector's pixels with another tissue.
     pub(crate) other: f64,
 }
 
-/// Rounding alone.
+/// Differences that rounding alone explains.
 pub(crate) const ROUNDING: Tolerance = Tolerance { grey: 1.0, other: 0.005 };
 
 /// Renders a frame twice and asserts that it is valid: finite, in range, nothing outside the mask, bit-identical on
@@ -94,7 +94,7 @@ pub(crate) fn holds(what: &str, renderer: &mut Renderer, pose: &Pose, tolerance:
     snapshot
 }
 
-/// Asserts that all numbers of all passes are finite and in range.
+/// Asserts that all numbers in the output of all passes are finite and in range.
 #[track_caller]
 pub(crate) fn finite(what: &str, s: &Snapshot) {
     for segment in s.paths.iter().flat_map(|p| &p.segments) {
@@ -111,14 +111,14 @@ pub(crate) fn finite(what: &str, s: &Snapshot) {
     assert!(s.percentile_np.is_finite() && s.percentile_np >= 0.0, "{what}: {}", s.percentile_np);
 }
 
-/// All numbers of a frame, as bits.
+/// All numbers of a frame as bits, for comparison.
 pub(crate) fn words(frame: &Frame) -> Vec<u32> {
     let reals = frame.lines.iter().flatten().chain(&frame.attenuation).chain([&frame.attenuation_p98]);
     let bytes = frame.bmode.iter().chain(&frame.segmentation).map(|&b| u32::from(b));
     reals.map(|v| v.to_bits()).chain(bytes).collect()
 }
 
-/// A frame.
+/// Renders a frame.
 pub(crate) fn frame(renderer: &mut Renderer, pose: &Pose) -> Frame {
     let mut frame = Frame::default();
     renderer.render(pose, &mut frame).unwrap();

@@ -1,5 +1,5 @@
-//! Beams that bend: delays of many wavelengths from cell to cell, borders along the axis, a lens on the face, hard bodies in
-//! part of the aperture, and beams that leave the sector.
+//! Hard cases of bent beams: delays of many wavelengths between adjacent cells, borders along the axis, a lens on the
+//! face, hard bodies in part of the aperture, and beams that leave the sector.
 
 use glam::Vec3;
 use insonify::anatomy::{Mesh, Scene, Tissue, analytic};
@@ -9,14 +9,14 @@ use insonify::transducer::{Probe, ProbeKind};
 
 use super::common::{ROUNDING, holds, renderer, settings};
 
-/// Reach of bodies across the scan plane and to its sides, mm.
+/// Extent of bodies across the scan plane and to its sides, mm.
 const FAR: f32 = 60.0;
 
 fn cuboid(x: [f32; 2], z: [f32; 2]) -> Mesh {
     analytic::cuboid(Vec3::new(x[0], -FAR, z[0]), Vec3::new(x[1], FAR, z[1]))
 }
 
-/// Speckle of 1540 m/s with bodies of the same grain and another speed.
+/// Speckle of 1540 m/s, with bodies of the same scatterers but another speed.
 fn bodies(speed_m_s: f64, meshes: Vec<Mesh>) -> Scene {
     let mut bench = Bench::new(grainy(0.0, 0.01));
     let body = bench.tissue(Tissue { speed_m_s, ..grainy(0.0, 0.01) });
@@ -26,8 +26,8 @@ fn bodies(speed_m_s: f64, meshes: Vec<Mesh>) -> Scene {
     bench.scene().unwrap()
 }
 
-/// Greatest offset of a beam's echo power from its scanline over the planes behind `from`, 0..=1 of them, in mm at the
-/// image's depth.
+/// Largest lateral offset of a beam's echo power from its scanline, in mm at the image's depth. Depth planes deeper
+/// than the fraction `from` of the image count.
 fn greatest_shift_mm(snapshot: &Snapshot, probe: &Probe, from: f64) -> f64 {
     let planes = snapshot.profiles.len() / probe.scanlines as usize;
     let behind = &snapshot.profiles[(from * planes as f64) as usize * probe.scanlines as usize..];

@@ -1,4 +1,4 @@
-//! Rays through edges and vertices; coplanar and touching surfaces.
+//! Hard cases of rays through edges and vertices, and of coplanar and touching surfaces.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::anatomy::{Scene, Tissue, analytic};
@@ -36,7 +36,7 @@ fn aimed(scene: &Scene) -> Vec<Pose> {
         .collect()
 }
 
-/// Number of rays that end in the wrong medium: the ball is entered and left again.
+/// Number of wrong rays. A right one enters and leaves the ball, and ends outside it.
 fn wrong(shaders: &ShaderSet) -> usize {
     let scene = ball();
     let mut renderer = renderer(&scene, &linear(1, 0.5, 16, 400.0), &small(1, 1), shaders);
@@ -72,7 +72,7 @@ fn rays_through_shared_edges_are_never_lost() {
 }
 
 /// A box, or two that share a face, rotated so that no face is in a coordinate plane. The tissue of box i has
-/// scatterers of mean i + 1 and density 0, so that segments identify their medium.
+/// scatterers of mean i + 1 and density 0, by which segments of paths identify their medium.
 fn boxes(count: usize, turned: Quat) -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     for (i, impedance) in [1.6, 1.7].into_iter().take(count).enumerate() {
@@ -83,8 +83,8 @@ fn boxes(count: usize, turned: Quat) -> Scene {
     bench.scene().unwrap()
 }
 
-/// Number of scanlines that don't pass through the background, each of `count` boxes in turn, and the background again;
-/// and their total.
+/// Number of wrong scanlines, and number of all. A right one passes through the background, each of `count` boxes in
+/// turn, and the background again.
 fn torn(count: usize, shaders: &ShaderSet) -> (usize, usize) {
     let media: Vec<f64> = (0..=count).map(|i| i as f64).chain([0.0]).collect();
     let (mut torn, mut all) = (0, 0);

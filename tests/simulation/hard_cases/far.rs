@@ -1,4 +1,4 @@
-//! Scenes far from the origin, or in the wrong unit.
+//! Hard cases of scenes far from the origin, or in the wrong unit.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::{Mesh, Scene, analytic};
@@ -8,7 +8,8 @@ use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
 
 use super::common::{ROUNDING, frame, holds, renderer, row, words};
 
-/// Corners on multiples of 1/64 mm, which f32 represents exactly even 98 m away.
+/// A plate in speckle, scaled and moved. Its corners are on multiples of 1/64 mm, which f32 represents exactly even 98 m
+/// away.
 fn moved(offset: Vec3, scale: f32) -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let (grain, plate) = (bench.tissue(grainy(0.0, 0.01)), bench.tissue(silent(1450.0, 1.8)));
@@ -19,7 +20,7 @@ fn moved(offset: Vec3, scale: f32) -> Scene {
     bench.scene().unwrap()
 }
 
-/// Off the faces of the scatterer lattice, where rounding decides the cell.
+/// A pose whose samples are off the faces of the scatterer lattice, where rounding would decide the cell.
 fn near() -> Pose {
     at(0.1337, 0.2171, 0.0)
 }

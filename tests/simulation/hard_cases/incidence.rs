@@ -1,4 +1,4 @@
-//! Grazing, critical and normal incidence.
+//! Hard cases of grazing, critical and normal incidence.
 
 use glam::{DQuat, DVec2, DVec3};
 use insonify::acoustics::interface::interface;
@@ -7,12 +7,12 @@ use insonify::selftest::bench::{Bench, at, facing, linear, silent, small};
 
 use super::common::{ROUNDING, Tolerance, assert_pass_contains, holds, renderer, row};
 
-/// cosθₜ by the textbook formula.
+/// Cosine of the angle of refraction by the textbook formula.
 fn naive(ratio: f32, cos: f32) -> f32 {
     (1.0 - ratio * ratio * (1.0 - cos * cos)).sqrt()
 }
 
-/// Lines of the shader that `shipped` copies.
+/// Lines of the shader that [`shipped`] copies.
 const SHIPPED: [&str; 5] = [
     "let sin2_incident = max((1.0 - cos_incident) * (1.0 + cos_incident), 0.0);",
     "let sin2_transmitted = speed_ratio * speed_ratio * sin2_incident;",
@@ -21,7 +21,7 @@ const SHIPPED: [&str; 5] = [
     "let cos_transmitted = sqrt(max(1.0 - sin2_transmitted, 0.0));",
 ];
 
-/// cosθₜ of `crates/render/shaders/shared/interface.wgsl`.
+/// Cosine of the angle of refraction as in `crates/render/shaders/shared/interface.wgsl`.
 fn shipped(ratio: f32, cos: f32) -> f32 {
     let sin2 = ((1.0 - cos) * (1.0 + cos)).max(0.0);
     let sin2_transmitted = ratio * ratio * sin2;

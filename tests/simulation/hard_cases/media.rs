@@ -1,4 +1,4 @@
-//! Impedances of 0.0004 next to 7.8 MRayl, and attenuation beyond the range of f32.
+//! Hard cases of media: impedances of 0.0004 next to 7.8 MRayl, and attenuation beyond the range of f32.
 
 use insonify::acoustics::decibel::NEPER_PER_DB;
 use insonify::acoustics::interface::interface;

@@ -1,4 +1,4 @@
-//! Constant, black and saturated images in every metric; empty histogram bins; singular covariances.
+//! Hard cases of image metrics: constant, black and saturated images, empty histogram bins, singular covariances.
 
 use insonify::quality::{Gaussian, Pair, frechet_distance, frechet_distance_of, pkl, psnr_db, speckle, ssim};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -31,7 +31,7 @@ fn naive_divergence(a: &[u8], b: &[u8]) -> f64 {
     histogram(a).iter().zip(&histogram(b)).map(|(p, q): (&f64, &f64)| p * (p / q).ln()).sum()
 }
 
-/// Similarity of two whole images without the constants that keep its denominators from 0.
+/// Structural similarity of two whole images, without the constants that keep its denominators from 0.
 fn naive_similarity(a: &[u8], b: &[u8]) -> f64 {
     let n = a.len() as f64;
     let mean = |v: &[u8]| v.iter().map(|&x| f64::from(x)).sum::<f64>() / n;

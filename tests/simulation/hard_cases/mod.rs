@@ -1,9 +1,9 @@
 //! Hard cases: inputs at which single precision, a missing guard or a naive formula fails.
 //!
-//! One file per family. Each case states what must hold: finite, in range, within tolerance of the f64 twin or of the
-//! exact answer, bit-identical on repetition. Where f32 needs a remedy, the naive variant is shown failing beside it.
-//! `cargo test --release --test simulation hard_cases:: -- --nocapture --test-threads 1 | grep '^|'` prints the table of the
-//! documentation.
+//! There is one file per family of cases. Each case states what must hold: numbers finite and in range, results within
+//! tolerance of the f64 twin or of the exact answer, repetitions bit-identical. Where f32 needs a remedy, the naive
+//! variant is shown to fail. `cargo test --release --test simulation hard_cases:: -- --nocapture --test-threads 1 |
+//! grep '^|'` prints the documentation's table.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 

@@ -1,11 +1,11 @@
-//! Phase of deep echoes, and small angles of a fan.
+//! Hard cases of the phase of deep echoes, and of small angles of a fan.
 
 use std::f64::consts::TAU;
 
 use super::common::{assert_pass_contains, row};
 use insonify::random::SplitMix64;
 
-/// Lines of the shader that `shipped` copies.
+/// Lines of the shader that [`shipped`] copies.
 const SHIPPED: [&str; 7] = [
     "let within = turns - round(turns);",
     "let halves = round(2.0 * within);",
@@ -16,7 +16,7 @@ const SHIPPED: [&str; 7] = [
     "return vec2<f32>(c, s) * (1.0 - 2.0 * abs(halves));",
 ];
 
-/// `phasor` of `crates/render/shaders/shared/phasor.wgsl`.
+/// `phasor` as in `crates/render/shaders/shared/phasor.wgsl`.
 #[allow(clippy::approx_constant, reason = "the shader's own digits")]
 fn shipped(turns: f32) -> [f32; 2] {
     let within = turns - turns.round_ties_even();

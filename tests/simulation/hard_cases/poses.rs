@@ -1,4 +1,4 @@
-//! Quaternions that are not normalised, negated or NaN; time that stops or runs backward.
+//! Hard cases of poses and time: quaternions that are not normalised, negated or NaN; time that stops or runs backward.
 
 use glam::{DQuat, DVec3};
 use insonify::pose::{

@@ -1,4 +1,4 @@
-//! Properties of any scene, on random scenes. A failure names the seed that reproduces its scene.
+//! Properties that hold for any scene, tested on random ones. A failure names the seed that reproduces its scene.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::interface::{interface, refracted};
@@ -11,7 +11,7 @@ use insonify::transducer::{Probe, ProbeKind};
 use super::common::{Tolerance, frame, holds, renderer, vector};
 use insonify::random::SplitMix64;
 
-/// A random tissue: from air to bone, from fluid to gravel.
+/// A random tissue, between air and bone, and between fluid and gravel.
 fn tissue(random: &mut SplitMix64) -> Tissue {
     Tissue {
         attenuation_db_cm_mhz: random.between(0.0, 3.0),
@@ -23,7 +23,7 @@ fn tissue(random: &mut SplitMix64) -> Tissue {
     }
 }
 
-/// Random bodies of any size and orientation, which may overlap.
+/// A scene of random bodies of any size and orientation, which may overlap.
 fn scene(random: &mut SplitMix64, tissue: impl Fn(&mut SplitMix64) -> Tissue) -> Scene {
     let mut bench = Bench::new(tissue(random));
     for i in 0..6 {
@@ -66,7 +66,7 @@ fn pose(random: &mut SplitMix64) -> Pose {
     Pose::looking(8.0 * vector(random), target, vector(random))
 }
 
-/// Asserts that the amplitude never rises along a path, and no echo exceeds the absorption limit.
+/// Asserts that the amplitude never rises along a path, and that no echo exceeds what absorption leaves.
 fn assert_energy_falls(what: &str, s: &Snapshot) {
     for path in &s.paths {
         let (mut level, mut left) = (0.0, 0.0);
@@ -83,7 +83,8 @@ fn assert_energy_falls(what: &str, s: &Snapshot) {
     }
 }
 
-/// Asserts that Σμ never falls along a map ray, nor the map from row to row in a linear probe's column.
+/// Asserts that accumulated attenuation never falls along a map ray. For a linear probe, the map's level must not rise
+/// from row to row.
 fn assert_attenuation_falls(what: &str, s: &Snapshot, frame: &insonify::render::Frame) {
     for ray in s.sections.raster.chunks_exact(s.inputs.map_depths) {
         assert!(ray.windows(2).all(|w| w[1].sum_np >= w[0].sum_np * (1.0 - 1e-4) - 1e-6), "{what}");
@@ -123,7 +124,7 @@ fn on_any_scene_frames_are_valid_and_energy_and_attenuation_are_monotonic() {
     }
 }
 
-/// A scene with every vertex moved.
+/// The scene with every vertex moved by `to`, and its faces turned over if `flip` is set.
 fn moved(scene: &Scene, to: impl Fn(Vec3) -> Vec3, flip: bool) -> Scene {
     let mut scene = scene.clone();
     for surface in &mut scene.surfaces {

@@ -1,4 +1,4 @@
-//! Ratio of 10⁶ : 1 between the largest and the smallest dimension of a scene.
+//! Hard cases of scale: the largest dimension of a scene is 10⁶ times the smallest.
 
 use glam::Vec3;
 use insonify::anatomy::analytic;
@@ -9,7 +9,7 @@ use super::common::{Tolerance, assert_pass_contains, holds, renderer, row, vecto
 use super::triangles::{SHIPPED, shipped};
 use insonify::random::SplitMix64;
 
-/// Distance to the plane of a triangle as Möller and Trumbore published it: relative to the ray's origin.
+/// Distance to the plane of a triangle by the published test of Möller and Trumbore, which refers to the ray's origin.
 fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> f32 {
     let s = origin - corner;
     edge2.dot(s.cross(edge1)) / edge1.dot(direction.cross(edge2))

@@ -1,4 +1,4 @@
-//! One sample, one scanline, the narrowest and the widest fields of view, images one pixel wide.
+//! Hard cases of sizes: one sample, one scanline, the narrowest and the widest fields of view, images one pixel wide.
 
 use glam::Vec3;
 use insonify::anatomy::analytic;

@@ -1,5 +1,5 @@
-//! Speckle across the slice: slides that hardly move, turns through a whole circle, slices along the sheets, lenses of
-//! any shape, and places far from the scene's centre.
+//! Hard cases of speckle across the slice: slides that hardly move, rotations through a whole circle, slices along
+//! sheets of scatterers, lenses of any shape, and positions far from the scene's centre.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::{Scene, analytic};
@@ -26,7 +26,7 @@ fn on_block(half_mm: f32, probe: &Probe) -> Renderer {
     renderer(&block(half_mm), probe, &small(1, 1), &ShaderSet::default())
 }
 
-/// A slice in general position.
+/// Pose of a slice along no axis of the scatterer lattice.
 fn general() -> Pose {
     Pose {
         position_mm: DVec3::new(1.13, 2.17, 3.31),
@@ -38,13 +38,13 @@ fn slid(pose: &Pose, along: DVec3, mm: f64) -> Pose {
     Pose { position_mm: pose.position_mm + pose.transform_vector(along) * mm, ..*pose }
 }
 
-/// Energy of the difference of two frames' lines over that of the first.
+/// Energy of the difference between two frames' lines, relative to the energy of the first.
 fn change(a: &Frame, b: &Frame) -> f64 {
     let off = a.lines.iter().zip(&b.lines).map(|(a, b)| magnitude([a[0] - b[0], a[1] - b[1]]).powi(2)).sum::<f64>();
     off / a.lines.iter().map(|&v| magnitude(v).powi(2)).sum::<f64>()
 }
 
-/// Level of the lines, dB over the tissue's, and mean over deviation of the envelope.
+/// Level of the lines relative to the tissue's, dB; and mean of the envelope divided by its standard deviation.
 fn statistics(frame: &Frame) -> [f64; 2] {
     let n = frame.lines.len() as f64;
     let mean = frame.lines.iter().map(|&v| magnitude(v)).sum::<f64>() / n;

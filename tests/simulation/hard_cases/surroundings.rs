@@ -1,4 +1,4 @@
-//! Probes inside bone, in air, and outside everything.
+//! Hard cases of probes inside bone, in air, and outside everything.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::analytic::Part;

@@ -1,4 +1,4 @@
-//! Slivers, zero-area and duplicate triangles; open and inverted meshes.
+//! Hard cases of triangles: slivers, zero-area and duplicate triangles; open and inverted meshes.
 
 use glam::{DVec2, DVec3, Vec3};
 use insonify::anatomy::{Mesh, Scene};
@@ -8,7 +8,7 @@ use insonify::selftest::bench::{Bench, at, linear, silent, slab, small};
 use super::common::{ROUNDING, Tolerance, assert_pass_contains, frame, holds, renderer, row, vector};
 use insonify::random::SplitMix64;
 
-/// Möller and Trumbore's test as published, in f32: distance, or none.
+/// Distance to a triangle by the published test of Möller and Trumbore, in f32; `None` for a miss.
 fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> Option<f32> {
     let p = direction.cross(edge2);
     let inverse = 1.0 / edge1.dot(p);
@@ -20,7 +20,7 @@ fn naive(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) 
     (!(u < 0.0 || v < 0.0 || u + v > 1.0)).then_some(edge2.dot(q) * inverse)
 }
 
-/// Lines of the shader that `shipped` copies.
+/// Lines of the shader that [`shipped`] copies.
 pub(crate) const SHIPPED: [&str; 13] = [
     "let to_corner = w0 - origin;",
     "let t0 = dot(to_corner, direction);",
@@ -37,7 +37,7 @@ pub(crate) const SHIPPED: [&str; 13] = [
     "let t = t0 + dot(w2.xyz, q) * side / max(magnitude, 1.0e-30);",
 ];
 
-/// The same with the guards of `crates/render/shaders/shared/bvh.wgsl`.
+/// The test with the guards of `crates/render/shaders/shared/bvh.wgsl`.
 pub(crate) fn shipped(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> Option<f32> {
     let longest = edge1.length().max(edge2.length()).max((edge2 - edge1).length());
     let to_corner = corner - origin;
@@ -80,7 +80,7 @@ fn zero_area_triangles_do_not_divide_by_zero() {
     );
 }
 
-/// A slab whose upper face is a fan of `count` slivers from one corner.
+/// A slab whose upper face is replaced by a fan of `count` slivers from one corner.
 fn slivers(mesh: &Mesh, count: usize) -> Mesh {
     let mut mesh = mesh.clone();
     let z = mesh.bounds_mm().unwrap().min.z;
@@ -104,7 +104,7 @@ fn slivers(mesh: &Mesh, count: usize) -> Mesh {
     mesh
 }
 
-/// Bodies of one shape, each with a different defect: name, mesh.
+/// Names and meshes of bodies of one shape, each with a different defect.
 fn bodies() -> Vec<(&'static str, Mesh)> {
     let whole = |i: usize| slab(place(i), 20.0, 12.03, 30.04);
     let mut zero_area = whole(1);

@@ -1,4 +1,4 @@
-//! Shared test bench: one backend, the specimens of the self-test, and checks of every frame.
+//! Test bench of the physics tests: one backend, the specimens of the self-test, and checks of every frame.
 
 use std::sync::{Mutex, OnceLock};
 
@@ -13,21 +13,21 @@ use insonify::transducer::Probe;
 pub(crate) use insonify::selftest::bench::{Bench, at, facing, grainy, linear, post, silent, small};
 pub(crate) use insonify::selftest::measure::{half_width, magnitude, mean_square};
 
-/// Backend shared by all tests, that of `INSONIFY_BACKEND`.
+/// The backend that all tests share, chosen by `INSONIFY_BACKEND`.
 pub(crate) fn backend() -> &'static Backend {
     static BACKEND: OnceLock<Backend> = OnceLock::new();
     BACKEND.get_or_init(|| Backend::open(BackendChoice::from_environment().unwrap().unwrap_or_default()).unwrap())
 }
 
-/// A box about (x, y = 0) from depth `top` to `bottom`.
+/// A box about (`x`, y = 0) from depth `top` to depth `bottom`, mm.
 pub(crate) fn slab(x: f64, half_width: f64, top: f64, bottom: f64) -> Mesh {
     bench::slab(DVec2::new(x, 0.0), half_width, top, bottom)
 }
 
-/// A renderer whose frames are checked.
+/// A renderer that checks all its frames.
 pub(crate) struct Rig {
     renderer: Renderer,
-    /// Its probe.
+    /// Probe of the renderer.
     pub(crate) probe: Probe,
     settings: RenderSettings,
     tissues: usize,
@@ -45,7 +45,7 @@ impl Rig {
         Self { renderer, probe: *probe, settings: *settings, tissues: scene.tissues.tissues().len() }
     }
 
-    /// A frame, after the general checks.
+    /// Renders a frame and checks it.
     pub(crate) fn frame(&mut self, pose: &Pose) -> Frame {
         let mut frame = Frame::default();
         self.renderer.render(pose, &mut frame).unwrap();
@@ -53,14 +53,14 @@ impl Rig {
         frame
     }
 
-    /// One angle of a compounded picture, without maps.
+    /// Renders one angle of a compounded picture, without maps.
     pub(crate) fn angle(&mut self, pose: &Pose, angle: usize) -> Frame {
         let snapshot = self.renderer.snapshot_of_angle(pose, angle).unwrap();
         let (width, height) = (self.settings.image.width, self.settings.image.height);
         Frame { width, height, bmode: snapshot.bmode, ..Frame::default() }
     }
 
-    /// The last of `frames` frames of one pose, as a live session renders them.
+    /// Renders `frames` frames at one pose, as a live session does; returns the last.
     pub(crate) fn rolling(&mut self, pose: &Pose, frames: u32) -> Frame {
         let mut frame = Frame::default();
         for _ in 0..frames {
@@ -107,13 +107,13 @@ impl Rig {
         measure::line(&self.probe, frame, line)
     }
 
-    /// Echoes of a scanline stronger than `threshold`, by range.
+    /// Echoes of a scanline with amplitudes above `threshold`, in order of range.
     pub(crate) fn echoes(&self, frame: &Frame, line: u32, threshold: f64) -> Vec<Echo> {
         measure::echoes(&self.probe, self.line(frame, line), threshold)
     }
 }
 
-/// Asserts |got/want − 1| ≤ `part`.
+/// Asserts that `got` deviates from `want` by at most the fraction `part`.
 #[track_caller]
 pub(crate) fn assert_part(got: f64, want: f64, part: f64, what: &str) {
     assert!((got / want - 1.0).abs() <= part, "{what}: {got}, expected {want}: off by {:.3e}", got / want - 1.0);

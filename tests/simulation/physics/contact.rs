@@ -1,4 +1,4 @@
-//! Contact with the skin: gel, air, and what lies between.
+//! Tests of contact with the skin: coupling by gel, air, and partial contact.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::analytic::{self, Part, cuboid};
@@ -29,14 +29,14 @@ fn settings() -> RenderSettings {
     settings
 }
 
-/// A probe above the skin that looks down, tilted towards +x.
+/// Pose of a probe above the skin that looks down, tilted towards +x.
 fn above(height_mm: f64, tilt_deg: f64) -> Pose {
     let tilt = tilt_deg.to_radians();
     let down = DVec3::new(tilt.sin(), 0.0, tilt.cos());
     Pose::looking(DVec3::new(0.0, 0.0, -height_mm), down, DVec3::new(tilt.cos(), 0.0, -tilt.sin()))
 }
 
-/// Mean grey level between two depths of the image, fractions of its height, on one half of the sector or on both.
+/// Mean grey level between two depths, given as fractions of the image's height, in the columns of one half or both.
 fn mean(frame: &Frame, [top, bottom]: [f64; 2], columns: [f64; 2]) -> f64 {
     let (w, h) = (frame.width as usize, frame.height as usize);
     let of = |part: f64, whole: usize| (part * whole as f64) as usize;
@@ -52,7 +52,7 @@ fn mean(frame: &Frame, [top, bottom]: [f64; 2], columns: [f64; 2]) -> f64 {
     sum / count
 }
 
-/// Beyond the reverberation of the probe.
+/// Depth range beyond the probe's reverberation, as fractions of the image's height.
 const DEEP: [f64; 2] = [0.35, 0.95];
 const ALL: [f64; 2] = [0.0, 1.0];
 

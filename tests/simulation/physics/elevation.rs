@@ -1,6 +1,6 @@
-//! Speckle as the probe moves out of its slice: correlation by diffraction of the lens, statistics and level.
+//! Tests of speckle as the probe slides out of its slice: correlation by diffraction of the lens, statistics and level.
 //!
-//! `tests/truth/elevation.csv` holds correlations of a program that is not ours.
+//! `tests/truth/elevation.csv` holds correlations computed by an independent program.
 
 use std::sync::LazyLock;
 
@@ -13,14 +13,14 @@ use super::bench::{Rig, grainy, linear, mean_square, small};
 use super::speckle::block;
 use crate::truth::fixtures::{Row, rows};
 
-/// Depths of the measured patches, and half their height, mm.
+/// Depths of the measured patches, mm; `HALF_MM` is half their height.
 const DEPTHS_MM: [f64; 3] = [30.0, 70.0, 120.0];
 const HALF_MM: f64 = 9.0;
 
-/// Correlations by a program that is not ours.
+/// Rows of `elevation.csv`.
 static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| rows("elevation.csv"));
 
-/// ρ of a frequency and depth at a slide, linear between the tabled slides.
+/// Expected correlation at a frequency, depth and slide, interpolated linearly between the tabled slides.
 fn truth(frequency_mhz: f64, depth_mm: f64, slide_mm: f64) -> f64 {
     let lens = [("frequency_mhz", frequency_mhz), ("height_mm", 12.0), ("focus_mm", 70.0), ("depth_mm", depth_mm)];
     let of_lens = |row: &&Row| lens.iter().all(|&(column, value)| row.number(column) == value);
@@ -31,7 +31,7 @@ fn truth(frequency_mhz: f64, depth_mm: f64, slide_mm: f64) -> f64 {
     a.1 + (b.1 - a.1) * (slide_mm - a.0) / (b.0 - a.0)
 }
 
-/// Slices in general position.
+/// Poses of slices along no axis of the scatterer lattice.
 fn slices() -> Vec<Pose> {
     let turned = |x, y, z| DQuat::from_euler(glam::EulerRot::XYZ, x, y, z);
     let at = |position: [f64; 3], orientation| Pose { position_mm: position.into(), orientation };
@@ -45,7 +45,7 @@ fn slices() -> Vec<Pose> {
     ]
 }
 
-/// Scanlines of 0.3 mm over 43 mm.
+/// A linear probe with scanlines 0.3 mm apart over 43 mm.
 fn probe(frequency_mhz: f64) -> Probe {
     Probe { frequency_mhz, ..linear(144, 0.3, 2600, 130.0) }
 }
@@ -54,7 +54,7 @@ fn rig(frequency_mhz: f64, settings: RenderSettings) -> Rig {
     Rig::new(&block(grainy(0.0, 0.01)), &probe(frequency_mhz), &settings)
 }
 
-/// Samples of the patch at a depth, without scanlines whose beam is cut.
+/// Complex samples of the patch at each depth, without scanlines whose beam the array's end cuts.
 fn patch(rig: &mut Rig, pose: &Pose) -> [Vec<DVec2>; 3] {
     let frame = rig.frame(pose);
     let sample = |mm: f64| (mm / rig.probe.sample_spacing_mm()) as usize;

@@ -1,4 +1,4 @@
-//! Speckle is fixed in the tissue: it stays in place while the probe moves, and returns with it.
+//! Speckle is fixed in the tissue: it stays while the probe moves, and is the same when the probe returns.
 
 use insonify::render::Frame;
 use insonify::transducer::Probe;
@@ -6,7 +6,7 @@ use insonify::transducer::Probe;
 use super::bench::{Rig, at, grainy, linear, magnitude, small};
 use super::speckle::block;
 
-/// Correlation of pairs of envelope values.
+/// Correlation coefficient of pairs of envelope values.
 fn correlation(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
@@ -19,8 +19,8 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     ab / (aa * bb).sqrt()
 }
 
-/// Correlation of envelopes of `a` with those of `b`, `lines` lines and `samples` samples further on, away from the
-/// edges.
+/// Correlation of the envelopes of `a` and `b` away from the edges. `a` is read `lines` scanlines and `samples` samples
+/// further than `b`.
 fn overlap(probe: &Probe, a: &Frame, b: &Frame, lines: u32, samples: u32) -> f64 {
     let at = |frame: &Frame, line: u32, sample: u32| magnitude(frame.lines[(line * probe.samples + sample) as usize]);
     let mut pairs = Vec::new();

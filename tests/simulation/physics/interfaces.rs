@@ -1,4 +1,4 @@
-//! Echoes of plane interfaces: Fresnel amplitudes, ranges by time of flight, losses by α.
+//! Tests of echoes from plane interfaces: Fresnel amplitudes, ranges by time of flight, losses by attenuation.
 
 use glam::{Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -9,7 +9,7 @@ use insonify::pose::Pose;
 
 use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
 
-/// Distance between specimens, mm: each is below its own pose.
+/// Distance between specimens, mm. Each has a pose of its own above it.
 const PITCH: f64 = 60.0;
 
 fn pose(i: usize) -> Pose {

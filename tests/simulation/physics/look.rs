@@ -1,4 +1,5 @@
-//! What scanners do to the signal: compounding, harmonics, noise and texture, against statistics, diffraction and loss.
+//! Tests of signal processing as in scanners: compounding, harmonics, noise and texture, compared with statistics,
+//! diffraction and loss.
 
 use insonify::anatomy::Tissue;
 use insonify::render::{Choice, Effect, Frame, RenderSettings};
@@ -22,7 +23,7 @@ fn compounded(angles: u32) -> LookSettings {
     LookSettings { angles, span_deg: 30.0, ..LookSettings::default() }
 }
 
-/// Amplitudes of a picture within a box of pixels, as fractions of its width and height.
+/// Amplitudes in a box of a picture, whose sides are fractions of the picture's width and height.
 fn amplitudes(frame: &Frame, [left, right]: [f64; 2], [top, bottom]: [f64; 2]) -> Vec<f64> {
     let (w, h) = (frame.width as usize, frame.height as usize);
     let of = |part: f64, whole: usize| (part * whole as f64) as usize;
@@ -112,9 +113,9 @@ fn angles_are_as_unlike_as_waves_make_them() {
 fn angles_of_distant_scanlines_share_their_scatterers() {
     struct Case {
         probe: Probe,
-        /// Correlation of angles 3.75° apart and SNR of nine, by tests/truth/compounding.py as above; with `--radius 40`
-        /// for the curved face. The second value is the tolerance: a sample takes one scatterer of a cell that is as wide
-        /// as scanlines are apart, where a beam takes all.
+        /// Expected correlation of angles 3.75° apart, and its tolerance; `snr` is the SNR of nine angles. Both are
+        /// from tests/truth/compounding.py as above, with `--radius 40` for the curved face. The tolerance is needed
+        /// since a sample takes one scatterer of a cell as wide as the scanlines' distance, where a beam takes all.
         correlation: [f64; 2],
         snr: [f64; 2],
     }

@@ -1,4 +1,4 @@
-//! Segmentation and attenuation maps against exact cross-sections.
+//! Tests of segmentation and attenuation maps against exact cross-sections.
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
 use insonify::anatomy::{Mesh, Scene, Tissue, analytic};
@@ -10,7 +10,7 @@ use super::bench::{Bench, Rig, at, silent};
 
 const FREQUENCY_MHZ: f64 = 8.0;
 
-/// The paper's image and a small one, each with a convex, a linear and a phased probe.
+/// Renderers with the paper's image size and a small one, each with a convex, a linear and a phased probe.
 fn rigs(scene: &Scene) -> Vec<Rig> {
     let kinds = [
         ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 },
@@ -29,7 +29,7 @@ fn rigs(scene: &Scene) -> Vec<Rig> {
     rigs
 }
 
-/// A tissue with an attenuation of `alpha` dB/cm/MHz.
+/// A tissue that attenuates by `alpha` dB/cm/MHz.
 fn lossy(alpha: f64) -> Tissue {
     Tissue { attenuation_db_cm_mhz: alpha, ..silent(1540.0, 1.6) }
 }
@@ -83,7 +83,7 @@ fn pixel(sector: &Sector, index: usize) -> DVec2 {
     sector.pixel_centre_mm(column, row)
 }
 
-/// Half-spaces `normal · p ≥ offset` with their tissues, the later on top of the earlier, in the scene.
+/// Half-spaces `normal · p ≥ offset` of the scene with their attenuations, dB/cm/MHz. Later ones have priority.
 struct Layers {
     layers: Vec<(DVec3, f64, f64)>,
     background: f64,
@@ -119,14 +119,14 @@ impl Layers {
     }
 }
 
-/// A box so large that it fills `normal · p ≥ offset` within the range of any probe here.
+/// A box so large that it fills `normal · p ≥ offset` within the depth of any probe here.
 fn half_space(normal: DVec3, offset: f64) -> Mesh {
     let size = 800.0;
     let rotation = DQuat::from_rotation_arc(DVec3::Z, normal);
     analytic::plate((normal * (offset + 0.5 * size)).as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
-/// One-way level at every pixel of the sector, along its straight ray.
+/// Index and one-way level of pixels of the sector, along the straight ray to each.
 fn exact(layers: &Layers, probe: &Probe, sector: &Sector, pose: &Pose, frame: &Frame) -> Vec<(usize, f64)> {
     let inside = (0..frame.mask.len()).filter(|&i| frame.mask[i] == 255);
     // Every seventh pixel of a large image.
@@ -141,7 +141,8 @@ fn exact(layers: &Layers, probe: &Probe, sector: &Sector, pose: &Pose, frame: &F
         .collect()
 }
 
-/// Level exceeded by 2 % of the sector's area: strips of equal angle, or width, divided into equal steps of depth.
+/// One-way level that 2 % of the sector's area exceed. The sector is divided into strips of equal angle or width, and
+/// these into equal steps of depth.
 fn percentile_98(layers: &Layers, probe: &Probe, pose: &Pose) -> f64 {
     let (strips, steps) = (160, 1500);
     let mut levels = Vec::with_capacity(strips * steps);

@@ -1,11 +1,11 @@
-//! Known mistakes of other simulators. Each test fails on the mistake that it is named after.
+//! Tests named after known mistakes of other simulators; each fails if the renderer makes that mistake.
 
 use insonify::anatomy::{Scene, Tissue};
 use insonify::render::Frame;
 
 use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
 
-/// Grain down to 20 mm, where a plate of `impedance_mrayl` begins.
+/// Speckle of this deviation down to 20 mm, where a plate of `impedance_mrayl` begins.
 fn layered(deviation: f64, impedance_mrayl: f64) -> Scene {
     let grain = Tissue {
         scatterer_density: if deviation > 0.0 { 1.0 } else { 0.0 },

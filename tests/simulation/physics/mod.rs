@@ -1,6 +1,6 @@
-//! The renderer against closed formulas of acoustics, on scenes of exactly known geometry.
+//! Tests of the renderer against closed formulas of acoustics, on scenes of exactly known geometry.
 //!
-//! Everything is measured on frames: lines, maps and grey levels. The renderer's internals are not read.
+//! Everything is measured on frames: lines, maps and grey levels. No internals of the renderer are read.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
 

@@ -1,4 +1,4 @@
-//! Point targets: −6 dB widths of pulse and beam at any buffer spacing, and against diffraction.
+//! Tests of point targets: −6 dB widths of pulse and beam at any buffer spacing, and compared with diffraction.
 
 use glam::{DVec2, DVec3};
 use insonify::acoustics::pulse::FWHM_PER_SIGMA;
@@ -63,7 +63,7 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
     }
 }
 
-/// −6 dB widths of the reference: probe, depth and width, mm.
+/// Reference cases: probe, depth (mm) and expected −6 dB width (mm).
 fn reference() -> Vec<(Probe, f64, f64)> {
     let probe = |row: &Row| Probe {
         apodization: Apodization::named(row.text("apodization")).unwrap(),
@@ -76,7 +76,7 @@ fn reference() -> Vec<(Probe, f64, f64)> {
     rows.iter().map(|row| (probe(row), row.number("depth_mm"), row.number("flat_width_mm"))).collect()
 }
 
-/// Widths of point images at `depths` on evenly spread scanlines of one frame, mm.
+/// Widths, mm, of the images of points at `depths`, which lie on evenly spread scanlines of one frame.
 fn rendered_widths(probe: &Probe, depths: &[f64]) -> Vec<f64> {
     let share = probe.scanlines / depths.len() as u32;
     let line = |i: usize| i as u32 * share + share / 2;
@@ -132,8 +132,8 @@ fn point_images_of_a_curved_face_are_as_wide_as_diffraction_makes_them() {
     println!("convex: within {:.1} % of diffraction", 100.0 * worst);
 }
 
-/// −6 dB width, mm, of a point at (`depth_mm`, `angle_rad`) from the centre of a phased array, by two-way Huygens sums over
-/// its elements and band. Scanlines turn past the point.
+/// −6 dB width, mm, of a point at (`depth_mm`, `angle_rad`) from the centre of a phased array, as scanlines turn past
+/// the point. It is computed by two-way Huygens sums over the array's elements and its band.
 fn diffraction_width_mm(probe: &Probe, depth_mm: f64, angle_rad: f64) -> f64 {
     const ELEMENTS: u32 = 256;
     const STEP_RAD: f64 = 2.0e-4;

@@ -1,4 +1,4 @@
-//! Measurements on the image of the QA phantom, as on a scanner.
+//! Tests that measure the image of the QA phantom, as on a scanner.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Mirrors, critical angles, and the choice of the medium where surfaces overlap.
+//! Tests of mirrors, critical angles, and the choice of the medium where surfaces overlap.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -93,7 +93,7 @@ fn nothing_is_transmitted_beyond_the_critical_angle() {
     }
 }
 
-/// Media along the middle line of the image: tissue and depth of its first pixel.
+/// Media along the middle column of the image: tissue number, and depth of its first pixel, mm.
 fn column(rig: &mut Rig, z: f64) -> Vec<(u8, f64)> {
     let frame = rig.frame(&at(0.0, 0.0, z));
     let sector = rig.sector();
@@ -113,7 +113,8 @@ fn rig(scene: &Scene) -> Rig {
     Rig::new(scene, &linear(8, 0.5, 2048, 50.0), &settings)
 }
 
-/// Asserts media and echoes of a scene from a probe at z, both as (tissue, depth); tissue i has 1.5 + 0.1·i MRayl.
+/// Asserts the media and echoes seen by a probe at depth `z`. `want` lists (tissue, depth); tissue i has 1.5 + 0.1·i
+/// MRayl.
 #[track_caller]
 fn assert_media(rig: &mut Rig, z: f64, want: &[(u8, f64)]) {
     let runs = column(rig, z);

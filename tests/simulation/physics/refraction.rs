@@ -1,5 +1,5 @@
-//! Directions of refracted paths against Snell's law. Paths bend once they have reflected; before, beams bend by the aperture
-//! (`tests/simulation/truth/refraction.rs`).
+//! Tests of the directions of refracted paths against Snell's law. Only paths that have reflected bend; before that,
+//! the aperture bends beams (`tests/simulation/truth/refraction.rs`).
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -11,10 +11,10 @@ use insonify::transducer::Probe;
 
 use super::bench::{Bench, Rig, at, facing, linear, silent, slab, small};
 
-/// Specimens are on a grid, so that none is far from the scene's centre.
+/// Distance between specimens, mm. They lie on a grid with rows of `ROW`, so that none is far from the scene's centre.
 const PITCH: f64 = 200.0;
 const ROW: usize = 6;
-/// Depth of the plate behind a bone, mm.
+/// Depth of the plate below a bone, mm.
 const PLATE_MM: f64 = 60.0;
 /// Length of a path up to the second medium, mm.
 const ENTRY_MM: f64 = 20.0;
@@ -25,7 +25,7 @@ fn pose(specimen: usize) -> Pose {
     at(PITCH * (specimen % ROW) as f64, PITCH * (specimen / ROW) as f64, 0.0)
 }
 
-/// The scene's place of a place along a path that would go on straight from `foot`, behind the mirror.
+/// Position in the scene, after the mirror, of the point `straight` of a path that would go straight on from `foot`.
 fn mirrored(foot: DVec3, straight: DVec3) -> DVec3 {
     let mirror = MIRROR_MM * DVec3::Z;
     foot + mirror + turned_by_mirror() * (straight - mirror)
@@ -111,7 +111,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
     println!("largest departure from Snell: {worst:.5}°");
 }
 
-/// Ranges of the plate's echo on the scanlines behind a tilted bone of 3 mm, mm.
+/// Ranges of the plate's echo, mm, on the scanlines below a tilted bone of 3 mm.
 fn ranges_behind_a_bone(aperture: Choice) -> Vec<f64> {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let bone = bench.tissue(Tissue { attenuation_db_cm_mhz: 4.0, ..silent(2800.0, 4.2) });

@@ -1,11 +1,11 @@
-//! The self-test passes on this device, and identifies damaged shaders.
+//! The self-test passes on this device, and detects damaged shaders.
 
 use insonify::render::{Backend, BackendChoice, ShaderSet, TestHooks};
 use insonify::selftest::{self, Report};
 
 use super::bench::backend;
 
-/// Report of changed shaders, on a device, up to the first check of a group that fails.
+/// Report of the self-test with these shaders on a device, up to the first failing check of `group`.
 fn report(shaders: ShaderSet, group: &str) -> Report {
     let device = Backend::open(BackendChoice::Device).unwrap();
     selftest::run_with_hooks(&device, &TestHooks { shaders, ..TestHooks::default() }, Some(group), &|_, _| {}).unwrap()

@@ -1,4 +1,4 @@
-//! Odd sizes, extreme sectors, and refused settings.
+//! Tests of odd sizes, extreme sectors, and refused settings.
 
 use insonify::anatomy::{Bvh, BvhError, analytic};
 use insonify::render::{Frame, RenderError, RenderSettings, Renderer};

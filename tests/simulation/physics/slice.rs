@@ -1,4 +1,4 @@
-//! The slice: a few paths across it show what very many show.
+//! The slice thickness: a few paths across it give the same image as very many.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::bench::{Rig, at};
 /// Side of a patch, pixels.
 const PATCH: usize = 32;
 
-/// Mean absolute difference of the means of patches, grey levels.
+/// Mean absolute difference of the mean grey levels of corresponding patches.
 fn patch_difference(a: &Frame, b: &Frame) -> f64 {
     let (width, height) = (a.width as usize, a.height as usize);
     let mean = |frame: &Frame, x: usize, y: usize| {

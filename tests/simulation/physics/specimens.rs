@@ -1,4 +1,4 @@
-//! The small scenes show the effects they are made for.
+//! The small scenes of `configs/` show the effects that they were made for.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ struct Shot {
     names: Vec<String>,
 }
 
-/// Image of the station `name`, of its own scene or of `parts`.
+/// Image of the station `name` with its own scene, or with a scene of `parts`.
 fn shot(name: &str, parts: Option<Vec<Part>>, quality: Quality) -> Shot {
     let mut station = Station::load(Path::new(&format!("configs/{name}.toml"))).unwrap();
     station.settings.quality = quality;
@@ -47,7 +47,7 @@ impl Shot {
         self.pixel(x, z).map_or(0.0, |i| f64::from(self.frame.bmode[i]) * self.db_per_level)
     }
 
-    /// Mean level of a box, dB.
+    /// Mean level of the image in a box, dB.
     fn mean_db(&self, x: (f64, f64), z: (f64, f64)) -> f64 {
         let steps = 60;
         let at = |range: (f64, f64), i: i32| range.0 + (range.1 - range.0) * (f64::from(i) + 0.5) / f64::from(steps);

@@ -1,4 +1,4 @@
-//! Speckle of a homogeneous block: its statistics, level and decay, and that it never repeats.
+//! Tests of the speckle of a homogeneous block: statistics, level and decay; it never repeats.
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::acoustics::attenuation::attenuation_db_mm;
@@ -10,7 +10,7 @@ use insonify::transducer::{Probe, ProbeKind};
 
 use super::bench::{Bench, Rig, at, grainy, linear, magnitude, mean_square, silent, small};
 
-/// A block of `tissue` around the probe, so that no face is visible.
+/// A block of `tissue` so large around the probe that none of its faces is visible.
 pub(crate) fn block(tissue: Tissue) -> Scene {
     let mut bench = Bench::new(tissue);
     bench.add(0, 1, analytic::cuboid(Vec3::splat(-300.0), Vec3::splat(300.0)));
@@ -21,7 +21,8 @@ fn tilted() -> Pose {
     Pose { position_mm: DVec3::new(3.0, 4.0, 5.0), orientation: DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.9) }
 }
 
-/// Envelopes of the scanlines, without those whose beam is cut by the sector's edge.
+/// Envelopes of the scanlines in each of `bands` ranges of depth. Scanlines whose beam the sector's edge cuts are left
+/// out.
 fn envelope(rig: &Rig, frame: &Frame, bands: usize) -> Vec<Vec<Vec<f64>>> {
     let length = rig.probe.samples as usize / bands;
     let lines = 4..rig.probe.scanlines - 4;
@@ -73,7 +74,7 @@ fn speckle_is_fully_developed_at_the_tissues_level() {
     }
 }
 
-/// All requested rays and layers, even if the plan finds that they change nothing.
+/// Settings that trace all rays and layers, even if the effect plan finds that they change nothing.
 fn all_paths(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = small(rays, layers);
     settings.effects = settings.effects.with(Effect::Rays, Choice::On).with(Effect::Layers, Choice::On);

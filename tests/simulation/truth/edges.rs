@@ -1,7 +1,7 @@
-//! Edges of the aperture: speckle at the array's rim, and beside the part of a face that is in contact.
+//! Tests of speckle at the ends of the array, and near the edge of the part of the face that is in contact.
 //!
-//! Levels at the rim are over the middle of the same frames. Half contact is rendered with the effect and without it in
-//! the same speckle, so the ratio has hardly any noise.
+//! Levels at the array's ends are relative to the middle of the same frames. Those for half contact are relative to
+//! full contact in the same speckle, so they have hardly any noise.
 
 use std::collections::BTreeMap;
 
@@ -14,39 +14,40 @@ use insonify::transducer::Probe;
 
 use crate::truth::fixtures::rows;
 
-/// Scanlines: x = 0 is between two of them.
+/// Number of scanlines; x = 0 is between two of them.
 const LINES: u32 = 200;
-/// Distance of scanlines, mm.
+/// Distance between scanlines, mm.
 const SPACING_MM: f64 = 0.25;
-/// Half of the width of the array, mm.
+/// Half the width of the array, mm.
 const HALF_WIDTH_MM: f64 = 0.5 * SPACING_MM * LINES as f64;
 /// Depth of the image, mm.
 const DEPTH_MM: f64 = 110.0;
-/// Slides across the slice over which power is summed, and their distance, mm: other speckle in each.
+/// Number of slices over which power is summed, and distance between them, mm. Each has other speckle.
 const SLIDES: u32 = 12;
 const SLIDE_MM: f64 = 3.0;
-/// Half of the window in which power is summed, mm along a scanline, and its greatest part of the depth.
+/// Half the window in which power is summed, mm along a scanline; at most the fraction `WINDOW_PART` of the depth.
 const WINDOW_MM: f64 = 4.0;
 const WINDOW_PART: f64 = 0.3;
-/// Scanlines within this distance of a place belong to it, mm.
+/// Scanlines within this distance of a lateral position count as being there, mm.
 const BESIDE_MM: f64 = 0.2;
-/// Distance from the ends from which the array's middle is measured, mm.
+/// Distance from the array's ends beyond which scanlines count as its middle, mm.
 const MIDDLE_MM: f64 = 15.0;
 /// Thickness of the film of gel, mm.
 const GEL_MM: f64 = 3.0;
-/// Gaps beyond the film where the face is not coupled, mm: one that passes −92 dB, and one that passes nothing.
+/// Thicknesses of the air gap below the film where the face is not coupled, mm. The first passes −92 dB, the second
+/// nothing.
 const GAPS_MM: [f64; 2] = [2.0, 10.0];
-/// Distance from the edge of contact from which the apertures are whole, mm.
+/// Distance from the edge of contact from which apertures are wholly coupled, mm.
 const FAR_MM: f64 = 10.0;
-/// Least distance from the edge of contact, mm, into the coupled side, at which scanlines start in the tissue.
+/// Distance from the edge of contact into the coupled side, mm, from which scanlines start in the tissue.
 const COUPLED_MM: f64 = 1.0;
 /// Level below which nothing is compared, dB.
 const FAINT_DB: f64 = -30.0;
-/// One ray, and many: rays and layers.
+/// Rays and layers: a single path, and many.
 const SINGLE: [u32; 2] = [1, 1];
 const MANY: [u32; 2] = [8, 3];
 
-/// Level of a scanline by theory.
+/// Level of a scanline by theory, dB, at a lateral position and a depth.
 #[derive(Debug, Clone, Copy)]
 struct Level {
     place_mm: f64,
@@ -54,7 +55,7 @@ struct Level {
     theory_db: f64,
 }
 
-/// Levels of a case of edges.csv, by beam.
+/// Levels of a case of edges.csv, for each beam.
 fn beams(case: &str) -> Vec<(Probe, Vec<Level>)> {
     let mut beams: BTreeMap<String, (Probe, Vec<Level>)> = BTreeMap::new();
     for row in rows("edges.csv").iter().filter(|row| row.text("case") == case) {
@@ -77,12 +78,12 @@ fn beams(case: &str) -> Vec<(Probe, Vec<Level>)> {
     beams.into_values().collect()
 }
 
-/// The beam that the fixture has first.
+/// Levels for the beam at 8 MHz.
 fn first_beam(case: &str) -> (Probe, Vec<Level>) {
     beams(case).into_iter().find(|(probe, _)| probe.frequency_mhz == 8.0).unwrap()
 }
 
-/// Different depths of levels.
+/// Depths that occur in `levels`, ascending, each once.
 fn depths_mm(levels: &[Level]) -> Vec<f64> {
     let mut depths: Vec<f64> = levels.iter().map(|level| level.depth_mm).collect();
     depths.sort_by(f64::total_cmp);
@@ -90,17 +91,17 @@ fn depths_mm(levels: &[Level]) -> Vec<f64> {
     depths
 }
 
-/// Place of a scanline, mm from the middle of the array.
+/// Lateral position of a scanline, mm from the middle of the array.
 fn x_mm(number: usize) -> f64 {
     (number as f64 + 0.5) * SPACING_MM - HALF_WIDTH_MM
 }
 
-/// Distance of a scanline from the array's nearest end, mm.
+/// Distance of a scanline from the array's nearer end, mm.
 fn inward_mm(number: usize) -> f64 {
     HALF_WIDTH_MM - x_mm(number).abs()
 }
 
-/// Settings with `gap_mm` of air where x < 0; the whole face is coupled if there is none.
+/// Settings with an air gap of `gap_mm` where x < 0; for `None`, the whole face is coupled.
 fn settings([rays, layers]: [u32; 2], aperture: Choice, gap_mm: Option<f64>) -> RenderSettings {
     let mut settings = small(rays, layers);
     let contact = if gap_mm.is_some() { Choice::On } else { Choice::Off };
@@ -114,7 +115,7 @@ fn settings([rays, layers]: [u32; 2], aperture: Choice, gap_mm: Option<f64>) -> 
     settings
 }
 
-/// A uniform tissue, and what it is seen with.
+/// A uniform tissue, and the probe and settings that image it.
 #[derive(Debug, Clone, Copy)]
 struct Rig<'a> {
     probe: &'a Probe,
@@ -125,7 +126,7 @@ struct Rig<'a> {
 }
 
 impl Rig<'_> {
-    /// Power of the scanlines about each depth, over all slides [depths × scanlines].
+    /// Power of the scanlines about each depth, summed over all slices [depths × scanlines].
     fn powers(&self, gap_mm: Option<f64>) -> Vec<Vec<f64>> {
         let backend = Backend::open(BackendChoice::Host).unwrap();
         // The body is of the background's tissue: scatterers are the same with the gap and without it.
@@ -152,7 +153,7 @@ impl Rig<'_> {
         powers
     }
 
-    /// Power of a scanline about a depth.
+    /// Power of a scanline in the window about a depth.
     fn power(&self, frame: &Frame, number: u32, depth_mm: f64) -> f64 {
         let half_mm = WINDOW_MM.min(WINDOW_PART * depth_mm);
         let sample = |mm: f64| (mm / self.probe.sample_spacing_mm()) as usize;
@@ -161,7 +162,7 @@ impl Rig<'_> {
     }
 }
 
-/// Mean over scanlines that `counts` accepts.
+/// Mean of `row` over the scanlines that `counts` accepts.
 fn mean(row: &[f64], counts: impl Fn(usize) -> bool) -> f64 {
     let (mut sum, mut count) = (0.0_f64, 0_u32);
     for (_, &power) in row.iter().enumerate().filter(|&(number, _)| counts(number)) {
@@ -176,7 +177,7 @@ fn decibels(ratio: f64) -> f64 {
     10.0 * ratio.max(1e-30).log10()
 }
 
-/// Levels at the rim: theory and the frames' level over the array's middle.
+/// Levels at the array's ends: theory, and the frames' level relative to the array's middle, dB.
 fn rim(probe: &Probe, levels: &[Level], quality: [u32; 2], aperture: Choice) -> Vec<(Level, f64)> {
     let depths_mm = depths_mm(levels);
     let tissue = grainy(0.0, 0.01);
@@ -191,7 +192,7 @@ fn rim(probe: &Probe, levels: &[Level], quality: [u32; 2], aperture: Choice) -> 
     levels.map(measured).collect()
 }
 
-/// Levels beside the edge of contact: theory and the frames' level over that with full contact.
+/// Levels near the edge of contact: theory, and the frames' level relative to full contact, dB.
 fn half_contact(
     probe: &Probe,
     levels: &[Level],
@@ -211,13 +212,13 @@ fn half_contact(
     levels.iter().filter(|level| level.theory_db > FAINT_DB).map(measured).collect()
 }
 
-/// Whether a level at the rim is near enough to theory.
+/// Whether a level at the array's ends is near enough to theory.
 fn good_at_rim(&(level, measured_db): &(Level, f64)) -> bool {
     level.theory_db < -10.0 || (measured_db - level.theory_db).abs() <= 0.7
 }
 
-/// Whether a level beside the edge of contact is near enough to theory: within 0.5 dB far from it, 2.5 dB near it, 4.5 dB
-/// on the edge and where the face is not coupled.
+/// Whether a level near the edge of contact is near enough to theory. It must be within 0.5 dB far from the edge, 2.5
+/// dB near it, and 4.5 dB on the edge and where the face is not coupled.
 fn good_beside_contact(&(level, measured_db): &(Level, f64)) -> bool {
     let allowed_db = match level.place_mm {
         far if far >= FAR_MM => 0.5,
@@ -227,7 +228,7 @@ fn good_beside_contact(&(level, measured_db): &(Level, f64)) -> bool {
     (measured_db - level.theory_db).abs() <= allowed_db
 }
 
-/// Prints levels, and returns those that are not good.
+/// Prints levels, and returns texts on those that are not good.
 fn wrong(said: &str, probe: &Probe, pairs: &[(Level, f64)], good: impl Fn(&(Level, f64)) -> bool) -> Vec<String> {
     let mut wrong = Vec::new();
     for pair in pairs {

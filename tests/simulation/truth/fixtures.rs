@@ -1,9 +1,9 @@
-//! Tables with a header line, comments after `#`.
+//! Reference tables in text files with a header line and comments after `#`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A row: its texts by column.
+/// A row of a table: its texts by column name.
 #[derive(Debug)]
 pub(crate) struct Row(BTreeMap<String, String>);
 
@@ -14,17 +14,17 @@ impl Row {
         self.0.get(column).unwrap_or_else(|| panic!("no column {column}"))
     }
 
-    /// Number of a column; none if the table has no such column.
+    /// Number in a column; `None` if the table has no such column.
     pub(crate) fn optional(&self, column: &str) -> Option<f64> {
         self.0.get(column).map(|text| text.parse().unwrap_or_else(|_| panic!("{column} is {text}")))
     }
 
-    /// Number of a column.
+    /// Number in a column.
     pub(crate) fn number(&self, column: &str) -> f64 {
         self.optional(column).unwrap_or_else(|| panic!("no column {column}"))
     }
 
-    /// Texts of all columns but some.
+    /// Texts of all columns except `columns`.
     pub(crate) fn without(&self, columns: &[&str]) -> Vec<&str> {
         self.0.iter().filter(|(name, _)| !columns.contains(&name.as_str())).map(|(_, text)| text.as_str()).collect()
     }

@@ -1,4 +1,4 @@
-//! Beams that a tilted border bends out of the sector, beside those that it bends inwards.
+//! Tests of beams that a tilted border bends out of the sector, compared with those that it bends inwards.
 
 use glam::DVec2;
 use insonify::anatomy::{Bvh, Tissue};
@@ -10,32 +10,34 @@ use insonify::transducer::Probe;
 use crate::truth::fixtures::rows;
 use crate::truth::refraction::bodies;
 
-/// Scanlines, and their distance, mm.
+/// Number of scanlines, and distance between them, mm.
 const LINES: u32 = 200;
 const SPACING_MM: f64 = 0.25;
 /// Width of the array, mm.
 const WIDTH_MM: f64 = SPACING_MM * LINES as f64;
 /// Depth of the image, mm.
 const DEPTH_MM: f64 = 128.0;
-/// Depths, mm.
+/// Depths at which power is measured, mm.
 const DEPTHS_MM: [f64; 3] = [60.0, 95.0, 120.0];
-/// Slides across the slice over which power is summed, and their distance, mm: other speckle in each.
+/// Number of slices over which power is summed, and distance between them, mm. Each has other speckle.
 const SLIDES: u32 = 24;
 const SLIDE_MM: f64 = 3.0;
-/// Half of the window in which power is summed, mm along a scanline.
+/// Half the window in which power is summed, mm along a scanline.
 const WINDOW_MM: f64 = 4.0;
-/// Scanlines within this distance of a place belong to it, mm.
+/// Scanlines within this distance of a lateral position count as being there, mm.
 const BESIDE_MM: f64 = 0.2;
-/// Distances from an end at which apertures are whole, mm.
+/// Range of distances from the array's end at which apertures are whole, mm.
 const MIDDLE_MM: std::ops::Range<f64> = 15.0..35.0;
-/// Parts of a beam's power beyond the array up to which the beam is within the sector, and from which it has left it.
+/// Fractions of a beam's power beyond the array: up to the first, the beam is within the sector; from the second on, it
+/// has left it.
 const WITHIN: f64 = 0.05;
 const BEYOND: f64 = 0.5;
-/// Largest accepted difference, dB. Beyond the sector there is the mirror image of the tissue within, which has its level.
+/// Largest accepted difference, dB. Beyond the sector, there is the mirror image of the tissue inside, which has the
+/// same level.
 const MISS_DB: f64 = 1.0;
 
-/// Power about each depth by the distance of a scanline from an end, over all slides. The array's right end is at x = 0 if
-/// `side` is positive, else its left one.
+/// Power about each depth, summed over all slices, by the distance of a scanline from the array's end. The end at x = 0
+/// is the right one if `side` is positive, else the left one.
 fn powers(tilt_deg: Option<f64>, side: f64) -> [Vec<f64>; DEPTHS_MM.len()] {
     let probe =
         Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(LINES, SPACING_MM, 1536, DEPTH_MM) };
@@ -68,7 +70,7 @@ fn powers(tilt_deg: Option<f64>, side: f64) -> [Vec<f64>; DEPTHS_MM.len()] {
     powers
 }
 
-/// Mean over scanlines whose distance from the end is accepted.
+/// Mean of `row` over scanlines whose distance from the end `counts` accepts.
 fn mean(row: &[f64], counts: impl Fn(f64) -> bool) -> f64 {
     let counted: Vec<f64> = (0_u32..)
         .zip(row)

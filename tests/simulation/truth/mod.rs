@@ -1,4 +1,4 @@
-//! Frames against wave theory: fixtures of programs that are not ours. README.md here says which.
+//! Tests of frames against wave theory, with reference data from independent programs, which README.md here names.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 

@@ -1,4 +1,4 @@
-//! Beams behind speed maps: where they go, how wide they are and what they keep of their power.
+//! Tests of beams below bodies of other sound speed: their offset, their width and the power that they keep.
 
 use std::collections::BTreeMap;
 
@@ -10,9 +10,9 @@ use insonify::transducer::Probe;
 
 use crate::truth::fixtures::rows;
 
-/// Scanlines: one is in the middle.
+/// Number of scanlines; one is in the middle.
 const LINES: u32 = 301;
-/// Distance of scanlines, mm.
+/// Distance between scanlines, mm.
 const SPACING_MM: f64 = 0.25;
 /// Depth of the image, mm.
 const DEPTH_MM: f64 = 130.0;
@@ -25,12 +25,12 @@ struct Measures {
     level_db: f64,
 }
 
-/// Places from `-half` to `half`.
+/// `count` + 1 evenly spaced positions from `-half` to `half`.
 fn span(half: f64, count: u32) -> Vec<f64> {
     (0..=count).map(|i| half * (2.0 * f64::from(i) / f64::from(count) - 1.0)).collect()
 }
 
-/// The bodies of a case of refraction.py about x = 0; background speed first, then those of the bodies, m/s.
+/// Speed of the background, speed of the bodies, m/s, and the bodies about x = 0 of a case of refraction.py.
 pub(crate) fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
     let ellipse = |x0: f64, z0: f64, half: f64, height: f64| {
         let arc = |x: f64| height * (1.0 - ((x - x0) / half).powi(2)).max(0.0).sqrt() + 1.0e-3;
@@ -48,7 +48,7 @@ pub(crate) fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
     }
 }
 
-/// Renders a case, or the homogeneous medium.
+/// Snapshot of a case, or of the homogeneous medium for `None`.
 fn snapshot(case: Option<(&str, f64)>, rays: u32, layers: u32, refraction: Choice) -> (Probe, Snapshot) {
     let probe = linear(LINES, SPACING_MM, 1536, DEPTH_MM);
     let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..probe };
@@ -70,7 +70,7 @@ fn snapshot(case: Option<(&str, f64)>, rays: u32, layers: u32, refraction: Choic
     (probe, snapshot)
 }
 
-/// Power that scatterers beside a scanline return to it, by their offset in scanlines.
+/// Power that scatterers near a scanline return to it, by their lateral offset in scanlines.
 fn powers(probe: &Probe, snapshot: &Snapshot, line: usize, depth_mm: f64) -> Vec<f64> {
     let aperture = snapshot.inputs.aperture.as_ref().unwrap();
     let plane = ((depth_mm / aperture.plane_mm - 0.5).round() as usize).min(aperture.planes - 1);
@@ -90,7 +90,7 @@ fn moments(powers: &[f64]) -> (f64, f64) {
     (mean, square.sqrt())
 }
 
-/// Power of a scanline's beam over the greatest one without obstacles.
+/// Power of a scanline's beam relative to the greatest power without obstacles.
 fn level(snapshot: &Snapshot, line: usize, depth_mm: f64) -> f64 {
     let aperture = snapshot.inputs.aperture.as_ref().unwrap();
     let plane = ((depth_mm / aperture.plane_mm - 0.5).round() as usize).min(aperture.planes - 1);
@@ -110,7 +110,7 @@ fn measured(probe: &Probe, snapshot: &Snapshot, plain: &Snapshot, offset_mm: f64
     Measures { shift_mm: shift_mm - straight_mm, spread_mm, level_db }
 }
 
-/// Theory by case and size, then by depth: offset and measures.
+/// Theory by case and size, then by depth, mm: offset of the body, mm, and measures of the beam.
 type Cases = BTreeMap<(String, String), BTreeMap<u32, Vec<(f64, Measures)>>>;
 
 fn cases() -> Cases {
@@ -132,7 +132,7 @@ fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
     (values.clone().map(|v| v * v).sum::<f64>() / values.count() as f64).sqrt()
 }
 
-/// Compares every case with theory; returns what is out of bounds.
+/// Compares every case with theory; returns texts on what is out of bounds.
 fn compare(rays: u32, layers: u32) -> Vec<String> {
     let (_, plain) = snapshot(None, rays, layers, Choice::On);
     let mut wrong = Vec::new();

@@ -1,4 +1,4 @@
-//! Shadows of opaque strips and half-planes.
+//! Tests of the shadows of opaque strips and half-planes.
 //!
 //! The same speckle is rendered with the obstacle and without it, so the ratio of powers has hardly any noise.
 
@@ -16,15 +16,15 @@ use crate::truth::fixtures::rows;
 
 /// Thickness of the obstacles, mm.
 const THICK_MM: f64 = 1.0;
-/// Half of the window in which power is averaged, mm along the middle scanline.
+/// Half the window in which power is averaged, mm along the middle scanline.
 const WINDOW_MM: f64 = 1.0;
-/// Slices whose power is averaged, and the distance from one to the next, mm.
+/// Number of slices over which power is averaged, and distance between them, mm.
 const SLICES: u32 = 3;
 const SLICE_MM: f64 = 4.0;
-/// Scanlines: one is in the middle.
+/// Number of scanlines; one is in the middle.
 const LINES: u32 = 255;
 
-/// An obstacle and a beam; samples behind it.
+/// An obstacle, a beam, and levels below the obstacle.
 struct Case {
     radius_mm: Option<f64>,
     depth_mm: f64,
@@ -33,11 +33,11 @@ struct Case {
     frequency_mhz: f64,
     aperture_mm: f64,
     focus_mm: f64,
-    /// Distance behind the obstacle (mm), and the level by theory (dB).
+    /// Distance below the obstacle (mm), and level by theory (dB).
     levels: Vec<(f64, f64)>,
 }
 
-/// Rows that differ only in the distance behind the obstacle are one case.
+/// Cases of a table. Rows that differ only in the distance below the obstacle belong to one case.
 fn cases(file: &str) -> Vec<Case> {
     let mut cases: BTreeMap<String, Case> = BTreeMap::new();
     for row in rows(file) {
@@ -74,7 +74,7 @@ impl Case {
         }
     }
 
-    /// The obstacle as boxes, side by side along the arc of its depth.
+    /// The obstacle as adjacent boxes along an arc of equal depth.
     fn obstacle(&self) -> Vec<insonify::anatomy::Mesh> {
         let plate = |across_mm: f64, width_mm: f64| {
             let (centre, turn) = match self.radius_mm {
@@ -96,7 +96,7 @@ impl Case {
         (0..count).map(|i| plate(place(i), width_mm + if count > 1 { 0.02 } else { 0.0 })).collect()
     }
 
-    /// Levels behind the obstacle over those without it, dB.
+    /// Levels below the obstacle relative to those without it, dB.
     fn measured_db(&self, backend: &Backend, rays: u32, layers: u32, aperture: Choice) -> Vec<f64> {
         let (probe, mut settings) = (self.probe(), small(rays, layers));
         settings.effects = settings.effects.with(Effect::Aperture, aperture);
@@ -122,7 +122,7 @@ impl Case {
     }
 }
 
-/// Frames of the scene in `SLICES` slices, whose scatterers differ.
+/// Frames of the scene in [`SLICES`] slices, each with other scatterers.
 fn frames(backend: &Backend, bench: Bench, probe: &Probe, settings: &RenderSettings) -> Vec<Frame> {
     let scene = bench.scene().unwrap();
     let mut renderer = Renderer::with_bvh(backend, &scene, Bvh::build(&scene).unwrap(), probe, settings).unwrap();
@@ -134,7 +134,8 @@ fn frames(backend: &Backend, bench: Bench, probe: &Probe, settings: &RenderSetti
     (0..SLICES).map(slice).collect()
 }
 
-/// Whether a level is near enough to theory: within 4 dB above −25 dB, within 7 dB to −35, below −28 deeper down.
+/// Whether a level is near enough to theory: within 4 dB above −25 dB, within 7 dB above −35 dB, and below −28 dB
+/// otherwise.
 fn good(theory_db: f64, measured_db: f64) -> bool {
     match theory_db {
         -25.0.. => (measured_db - theory_db).abs() <= 4.0,
@@ -143,12 +144,12 @@ fn good(theory_db: f64, measured_db: f64) -> bool {
     }
 }
 
-/// Compares cases with theory; returns the fraction of good levels.
+/// Compares cases with theory; returns the fraction of levels near enough to it.
 fn compare(cases: &[Case], rays: u32, layers: u32) -> f64 {
     compare_with(cases, rays, layers, Choice::Auto)
 }
 
-/// The same with a choice for the effect.
+/// Like [`compare`], with a choice for the aperture effect.
 fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64 {
     let backend = Backend::open(BackendChoice::Host).unwrap();
     let (mut count, mut within) = (0, 0);
@@ -186,8 +187,9 @@ fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64
     fraction
 }
 
-/// Levels within bounds, as measured. The others are on steep edges, whose place single rays show to half a scanline. A
-/// level is a ratio of two speckle patterns, since an obstacle changes the beams' profiles.
+/// Expected fraction of levels near enough to theory, as measured. The others are on steep edges, which single rays
+/// locate to half a scanline. A level is a ratio of two speckle patterns, since an obstacle changes the beams'
+/// profiles.
 const LINEAR_GOOD: f64 = 0.96;
 const CONVEX_GOOD: f64 = 0.93;
 

@@ -1,20 +1,22 @@
-//! Comparison of frames that different pipelines made: with maps and without, with an effect and without, with bounds checks and
-//! without.
+//! Comparison of frames by different pipelines: with maps and without, with an effect and without, with bounds checks
+//! and without.
 //!
-//! A driver may contract multiplications and additions in one pipeline and not in another, since naga emits no `NoContraction`.
-//! Software Vulkan never was seen to: there frames are compared bit for bit. On a GPU they are compared within a bound.
+//! A driver may contract multiplications and additions in one pipeline and not in another, since naga emits no
+//! `NoContraction`. Software Vulkan was never seen to do so, so its frames are compared bit for bit. On a GPU, frames
+//! are compared within a bound.
 
 use insonify::render::{ComputeDevice, Frame};
 
 use crate::twins::scenes::DEVICE;
 
-/// Part of the values that may be farther apart: rounding may choose another cell of scatterers, or the other side of an edge.
+/// Fraction of the values that may differ by more. Rounding may choose another cell of scatterers, or the other side of
+/// an edge.
 const PART: f64 = 1e-3;
-/// Difference of the other values of a line, over the greatest magnitude.
+/// Largest difference of the other values of a line, relative to the greatest magnitude.
 const OF_LINE: f32 = 1e-4;
 
-/// Asserts that frames of different pipelines of the device are the same picture. Maps or lines that one of them lacks are not
-/// compared.
+/// Asserts that two frames by different pipelines of the device are the same picture. Maps or lines that one of them
+/// lacks are not compared.
 #[track_caller]
 pub(crate) fn assert_alike(found: &Frame, expected: &Frame, what: &str) {
     let in_software = DEVICE.compute_device() == ComputeDevice::Processors;
@@ -23,7 +25,7 @@ pub(crate) fn assert_alike(found: &Frame, expected: &Frame, what: &str) {
     }
 }
 
-/// Whether frames of different pipelines are alike; the error says what is not.
+/// Checks that two frames by different pipelines are alike; the error names what is not.
 fn alike(found: &Frame, expected: &Frame, in_software: bool) -> Result<(), String> {
     let lines = |frame: &Frame| frame.lines.as_flattened().to_vec();
     let (found_lines, expected_lines) = (lines(found), lines(expected));
@@ -41,7 +43,7 @@ fn alike(found: &Frame, expected: &Frame, in_software: bool) -> Result<(), Strin
     real(&found_lines, &expected_lines, OF_LINE * greatest).map_err(|reason| format!("lines: {reason}"))
 }
 
-/// Whether all values are close, or outside software all but [`PART`]; one of both may have none.
+/// Checks that all values are close; outside software, the fraction [`PART`] may not be. An empty side is not compared.
 fn compare<T: Copy>(
     found: &[T],
     expected: &[T],

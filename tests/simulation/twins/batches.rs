@@ -1,4 +1,4 @@
-//! Frames whose paths do not fit in one batch are those of one batch.
+//! Frames whose paths do not fit into one batch equal those that were made in one batch.
 
 use insonify::render::{Choice, Effect, Frame, Quality, RenderError, RenderSettings, ShaderSet};
 use insonify::transducer::ProbeKind;
@@ -6,10 +6,10 @@ use insonify::transducer::ProbeKind;
 use crate::twins::reconfigure::untimed;
 use crate::twins::scenes::{Case, nested};
 
-/// Memory of the segments of a path, bytes.
+/// Memory for the segments of a path, bytes.
 const PATH_BYTES: u64 = 40 * 48;
 
-/// The case with 33 scanlines of 7 rays in so many layers, with or without the aperture.
+/// The nested case with 33 scanlines, 7 rays and this many layers, with or without the aperture effect.
 fn case(layers: u32, aperture: Choice) -> Case {
     let mut case = nested();
     case.settings.quality = Quality { rays: 7, layers, seed: 3 };
@@ -17,19 +17,19 @@ fn case(layers: u32, aperture: Choice) -> Case {
     case
 }
 
-/// Shaders whose batches hold `lines` scanlines of a layer beside the axial paths.
+/// Shaders whose batches hold `lines` scanlines of a layer in addition to the axial paths.
 fn shaders_of(lines: u64) -> ShaderSet {
     shaders_within((33 + 7 * lines) * PATH_BYTES)
 }
 
-/// Shaders whose batches have segments of up to so many bytes.
+/// Shaders whose batches have at most `bytes` bytes of segments.
 fn shaders_within(bytes: u64) -> ShaderSet {
     let mut shaders = ShaderSet::default();
     shaders.segment_bytes_max = Some(bytes);
     shaders
 }
 
-/// A frame in `batches` batches.
+/// Renders a frame, which must take `batches` batches.
 fn frame(case: &Case, shaders: &ShaderSet, batches: u32) -> Frame {
     let mut renderer = case.renderer(shaders);
     match renderer.snapshot(&case.pose) {

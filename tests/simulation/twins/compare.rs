@@ -1,7 +1,7 @@
-//! Each pass on the device against its twin, given the device's output of the previous pass.
+//! Comparison of each pass on the device with its f64 twin, given the device's output of the previous pass.
 //!
 //! Tolerances are those of f32 (2⁻²⁴ = 6·10⁻⁸ of a number) carried through each pass. Discrete choices may differ where
-//! f32 and f64 disagree about a tie (the lattice cell of a sample, a triangle at an edge, Russian roulette). Such
+//! f32 and f64 resolve a tie differently: the lattice cell of a sample, a triangle at an edge, Russian roulette. Such
 //! outliers are counted, and their fraction is bounded.
 
 use glam::DVec2;
@@ -31,10 +31,10 @@ pub(crate) const PASSES: [&str; 18] = [
     "scan_convert",
 ];
 
-/// One rounding of f32, relative.
+/// Relative error of one rounding in f32.
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
-/// A pass that differs from its twin.
+/// Report on a pass that differs from its twin.
 #[derive(Debug)]
 #[allow(dead_code, reason = "read by `Debug` in a failing test")]
 pub(crate) struct Mismatch {
@@ -46,7 +46,7 @@ pub(crate) struct Mismatch {
     pub(crate) first: usize,
 }
 
-/// Errors of one output, relative to its tolerance.
+/// Statistics of one output's errors, relative to its tolerance.
 pub(crate) struct Tally {
     pass: &'static str,
     what: &'static str,
@@ -58,12 +58,12 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Accepts up to `allowed` (a fraction) of outliers.
+    /// Statistics that accept up to the fraction `allowed` of outliers.
     pub(crate) fn new(pass: &'static str, what: &'static str, allowed: f64) -> Self {
         Self { pass, what, allowed, count: 0, outliers: 0, first: 0, worst: 0.0 }
     }
 
-    /// Adds an error relative to its tolerance; above 1, or NaN, is an outlier.
+    /// Adds an error relative to its tolerance. An error above 1, or NaN, is an outlier.
     pub(crate) fn add(&mut self, error: f64) {
         if error <= 1.0 {
             self.worst = self.worst.max(error);
@@ -163,7 +163,7 @@ fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
     errors.into_iter().fold(0.0, |worst, e| if e <= worst { worst } else { e })
 }
 
-/// A hint names the segment that holds the first sample of its block.
+/// Checks that each hint names the segment of the path that holds the first sample of its block.
 fn hints(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("trace", "hints", 0.0);
     let blocks = s.hints.len() / s.paths.len();
@@ -181,7 +181,7 @@ fn holds(path: &Path, segment: usize, range_mm: f64) -> bool {
     twin::segment_at(path, range_mm) == segment
 }
 
-/// Adds the errors of complex rows, each relative to the greatest magnitude within eight samples.
+/// Adds the errors of rows of complex samples, each relative to the greatest magnitude within eight samples.
 fn add_rows(tally: &mut Tally, s: &Snapshot, device: &[DVec2], twin: &[DVec2], tolerance: f64) {
     let n = s.inputs.samples;
     for (device, twin) in device.chunks_exact(n).zip(twin.chunks_exact(n)) {
@@ -193,7 +193,7 @@ fn add_rows(tally: &mut Tally, s: &Snapshot, device: &[DVec2], twin: &[DVec2], t
     }
 }
 
-/// Tolerance of a phase: the device rounds a range a few times, and each mm is many turns.
+/// Tolerance of a phase, rad. The device rounds a range a few times, and each mm is many turns.
 fn phase_tolerance(s: &Snapshot) -> f64 {
     let reach_mm = s.inputs.depth_mm + s.inputs.probe_mm.length();
     std::f64::consts::TAU * s.inputs.phase_turns_per_mm * 4.0 * ROUNDING * reach_mm + 1.0e-5

@@ -1,4 +1,4 @@
-//! The passes that move the scene against their twins. Without motion there is nothing to compare.
+//! Comparison of the passes that move the scene with their twins. Without motion there is nothing to compare.
 
 use insonify::render::{Snapshot, twin};
 
@@ -34,7 +34,7 @@ pub(crate) fn assemble(s: &Snapshot) -> Result<(), Mismatch> {
     tally.finish()
 }
 
-/// Boxes hold what they should, and are at most a step larger.
+/// Checks that boxes enclose what they should, and are larger by at most a quantisation step.
 pub(crate) fn refit(s: &Snapshot) -> Result<(), Mismatch> {
     let Some(motion) = &s.inputs.motion else { return Ok(()) };
     let twins = twin::refit(&s.nodes, &s.inputs.triangles);

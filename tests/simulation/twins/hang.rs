@@ -1,4 +1,4 @@
-//! A device that does not answer in time.
+//! Tests of a device that does not answer in time.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! Paths of the host: changed ones are caught, those through moving scenes match their twin, and frames are close to
-//! the device's.
+//! Tests of paths on the host. Changed ones are detected, those through moving scenes match their twin, and frames are
+//! close to the device's.
 
 use insonify::render::{Frame, Quality, RenderSettings, TestHooks, TraceConstants};
 use insonify::transducer::ProbeKind;

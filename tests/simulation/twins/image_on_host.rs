@@ -1,5 +1,5 @@
-//! Every pass on the host against its f64 twin. Damaged passes are caught, the number of threads changes no frame, and
-//! frames in flight, new settings and maps behave as on a device.
+//! Comparison of every pass on the host with its f64 twin. Damaged passes are detected, the number of threads changes
+//! no frame, and frames in flight, new settings and maps behave as on a device.
 
 use insonify::render::{Choice, Frame, ImageConstants, Quality, RenderSettings, ShaderSet, Snapshot, TestHooks, twin};
 use insonify::settings::{ImageSettings, SettingsGroup};

@@ -1,4 +1,4 @@
-//! Several frames of one dispatch are those that are made one by one.
+//! Frames made several to a dispatch equal those made one by one.
 
 use glam::DVec3;
 use insonify::pose::Pose;
@@ -11,7 +11,7 @@ use crate::twins::moving::beating;
 use crate::twins::reconfigure::untimed;
 use crate::twins::scenes::{Case, cases, nested};
 
-/// Jobs around the pose of a case: three of a time, then the next.
+/// Jobs near the pose of a case. Three in succession have the same scene time.
 fn jobs(case: &Case, count: u32) -> Vec<Job> {
     let job = |i: u32| Job {
         pose: Pose { position_mm: case.pose.position_mm + DVec3::X * 0.7 * f64::from(i), ..case.pose },
@@ -21,7 +21,7 @@ fn jobs(case: &Case, count: u32) -> Vec<Job> {
     (0..count).map(job).collect()
 }
 
-/// Frames of `jobs`, with up to `at_once` of them by a dispatch, and by the passes of a GPU if asked for.
+/// Frames of `jobs`, up to `at_once` of them per dispatch; with a GPU's variants of the passes if `as_gpu`.
 fn rendered(case: &Case, at_once: u32, as_gpu: bool, jobs: &[Job]) -> Vec<Frame> {
     let mut backend = Backend::open(BackendChoice::Device).unwrap().with_frames_at_once(at_once);
     if as_gpu && backend.has_trace_by_lanes() {

@@ -1,4 +1,4 @@
-//! Every pass on the device against its f64 twin on the CPU; damaged passes must fail.
+//! Comparison of every pass on the device with its f64 twin on the CPU; damaged passes must fail it.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -31,7 +31,7 @@ fn every_pass_is_its_twin() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Effects that are switched off together.
+/// Groups of effects that are switched off together.
 const WITHOUT: [&[Effect]; 5] = [
     &[Effect::Refraction, Effect::Attenuation],
     &[Effect::InterfaceEchoes, Effect::SpeedDisplacement],
@@ -115,10 +115,10 @@ fn from_pose_to_image_the_twins_show_the_same() {
     }
 }
 
-/// One damage per pass: description, pass, source text and its replacement.
+/// At most one damage per pass: description, pass, source text and its replacement.
 type Damages = &'static [(&'static str, &'static str, &'static str, &'static str)];
 
-/// Passes are compared on the device's own inputs, so that one renderer can have a damage in each pass.
+/// Sets of damages. Passes are compared on the device's own inputs, so one renderer can have a damage in each pass.
 const DAMAGES: [Damages; 4] = [
     &[
         (

@@ -1,5 +1,5 @@
-//! Scenes that move: every pass matches its twin at any time, a scene at rest is unchanged, and speckle moves with its
-//! tissue.
+//! Tests of scenes that move: every pass matches its twin at any time, a scene at rest is unchanged, and speckle moves
+//! with its tissue.
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::motion::{Drift, Field, Rhythm, Shape};
@@ -14,7 +14,7 @@ use crate::twins::compare_motion::MOTION_PASSES;
 use crate::twins::reconfigure::untimed;
 use crate::twins::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 
-/// A time of full systole, during a movement of the limb.
+/// Scene time of full systole, during a movement of the limb, s.
 pub(crate) const TIME_S: f64 = 0.6;
 
 /// The nested case with a beating kidney and cyst, and a swinging bone.
@@ -40,7 +40,7 @@ pub(crate) fn beating() -> Case {
     case
 }
 
-/// The same with breathing fat around.
+/// The case [`beating`] within breathing fat.
 fn breathing() -> Case {
     let mut case = beating();
     let names = case.scene.surfaces.iter().map(|surface| surface.name.clone());
@@ -190,7 +190,7 @@ fn a_drift_moves_the_scene_under_the_probe() {
     assert!(drifted.bmode != other.bmode);
 }
 
-/// Correlation of the grey levels of two windows of `size` pixels.
+/// Correlation of the grey levels in two windows of `size` pixels, at `at` in `a` and at `bt` in `b`.
 fn correlation(a: &Frame, at: (usize, usize), b: &Frame, bt: (usize, usize), size: (usize, usize)) -> f64 {
     let width = a.width as usize;
     let window = |frame: &Frame, (x, y): (usize, usize)| -> Vec<f64> {

@@ -1,5 +1,5 @@
-//! A reconfigured renderer against one built with the same settings: every frame is the same, bit for bit, by the same pipelines.
-//! Frames with maps and without are of different pipelines (`across.rs`).
+//! Comparison of a reconfigured renderer with one built with the same settings. Frames by the same pipelines are equal
+//! bit for bit. Frames with and without maps are by different pipelines (`across.rs`).
 
 use std::sync::LazyLock;
 
@@ -15,7 +15,7 @@ use crate::twins::scenes::{Case, cases, nested};
 pub(crate) type Change = fn(&mut Probe, &mut RenderSettings);
 type Expected = fn(&RenderError) -> bool;
 
-/// Changes of a station's settings, alone and together.
+/// Changes of a station's settings, one by one and together.
 pub(crate) const CHANGES: [(&str, Change); 16] = [
     ("nothing", |_, _| ()),
     ("gain", |_, s| s.image.gain_db = 31.0),
@@ -51,7 +51,7 @@ pub(crate) fn untimed(frame: Frame) -> Frame {
     Frame { times: FrameTimes::default(), ..frame }
 }
 
-/// The nested scene with a change, and its frame by a new renderer.
+/// The nested case with a change, and its frame by a newly built renderer.
 fn built(change: Change) -> (Case, Frame) {
     let mut case = nested();
     change(&mut case.probe, &mut case.settings);
@@ -59,7 +59,7 @@ fn built(change: Change) -> (Case, Frame) {
     (case, frame)
 }
 
-/// Frames of renderers built with each change, rendered once for all tests.
+/// For each change: the case, and its frame by a newly built renderer; rendered once for all tests.
 static BUILT: LazyLock<Vec<(&str, Case, Frame)>> = LazyLock::new(|| {
     let frame = |(name, change)| {
         let (case, frame) = built(change);
@@ -90,7 +90,7 @@ fn a_renderer_configured_anew_is_one_that_was_built_so() {
     }
 }
 
-/// The nested scene with another value of a setting: a number times 0.8 (5 instead of 0), a count plus or minus 2.
+/// The nested case with another value of a setting: a number times 0.8 (5 instead of 0), a count plus or minus 2.
 pub(crate) fn changed(setting: &Setting) -> Case {
     let mut case = nested();
     let stored = match setting.table {

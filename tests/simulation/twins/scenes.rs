@@ -1,7 +1,7 @@
 //! Small scenes and probes that together reach every branch of the passes.
 //!
-//! No flat surface is on a face of the scatterer lattice (multiples of 0.15 mm from the scene's centre), where rounding
-//! decides the cell.
+//! Flat surfaces avoid the faces of the scatterer lattice (multiples of 0.15 mm from the scene's centre), where
+//! rounding would decide the cell.
 
 use std::sync::LazyLock;
 
@@ -15,9 +15,9 @@ use insonify::render::{
 use insonify::settings::ReceiverSettings;
 use insonify::transducer::{Probe, ProbeKind};
 
-/// A device, software included.
+/// Backend on a device, which may be software.
 pub(crate) static DEVICE: LazyLock<Backend> = LazyLock::new(|| Backend::open(BackendChoice::Device).unwrap());
-/// The host.
+/// Backend on the host.
 pub(crate) static HOST: LazyLock<Backend> = LazyLock::new(|| Backend::open(BackendChoice::Host).unwrap());
 
 /// A scene, a probe in it and settings.
@@ -68,7 +68,7 @@ pub(crate) fn settings(quality: (u32, u32), width: u32) -> RenderSettings {
     RenderSettings { image, quality, lines: true, maps: true, ..RenderSettings::default() }
 }
 
-/// Looks at `target` from `from`, turned a little so that nothing is in a coordinate plane.
+/// Pose at `from` that looks at `target`, rotated slightly so that nothing is in a coordinate plane.
 fn pose(from: [f64; 3], target: [f64; 3]) -> Pose {
     let (from, target) = (DVec3::from(from), DVec3::from(target));
     Pose::looking(from, target - from, DVec3::new(1.0, 0.13, 0.07))
@@ -82,7 +82,7 @@ fn at(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// Nested layers, one of them oblique.
+/// Parts that are nested layers, one of them oblique.
 fn slabs() -> Vec<Part> {
     vec![
         part("fat", "fat", 1, cuboid(at(-110.1, -40.1, 10.04), at(110.1, 40.1, 40.0))),
@@ -92,7 +92,7 @@ fn slabs() -> Vec<Part> {
     ]
 }
 
-/// Surfaces nested, overlapping and touching; rough, bony and aerated ones; the probe starts inside two of them.
+/// Nested, overlapping and touching surfaces, among them rough, bony and aerated ones; the probe starts inside two.
 pub(crate) fn nested() -> Case {
     let parts = vec![
         part("block", "soft_tissue", 1, cuboid(at(-60.05, -40.0, -15.0), at(60.05, 40.0, 95.0))),
@@ -120,7 +120,7 @@ pub(crate) fn nested() -> Case {
     }
 }
 
-/// Every case; the first is the cheapest.
+/// All cases; the first is the cheapest.
 pub(crate) fn cases() -> Vec<Case> {
     vec![
         Case {
@@ -149,7 +149,7 @@ pub(crate) fn cases() -> Vec<Case> {
     ]
 }
 
-/// A face on skin, tilted so that one end is in air, with noise and clutter; paths leave the body beside and below.
+/// A face on skin, tilted so that one end is in air, with noise and clutter. Paths leave the body sideways and below.
 pub(crate) fn lifted() -> Case {
     let body = vec![
         part("skin", "skin", 1, cuboid(at(-14.03, -20.1, 0.04), at(40.1, 20.1, 60.0))),
@@ -168,7 +168,7 @@ pub(crate) fn lifted() -> Case {
     }
 }
 
-/// A case as the device rendered it.
+/// Frame and snapshot of a case by the device.
 pub(crate) struct Rendered {
     pub(crate) name: &'static str,
     pub(crate) snapshot: Snapshot,

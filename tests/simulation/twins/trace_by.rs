@@ -1,4 +1,4 @@
-//! `trace` by lanes of a subgroup: the same paths as by single threads.
+//! The pass `trace` by lanes of a subgroup finds the same paths as by single threads.
 
 use std::sync::LazyLock;
 
@@ -9,7 +9,7 @@ use crate::twins::compare::compare;
 use crate::twins::moving::{TIME_S, beating};
 use crate::twins::scenes::{Case, DEVICE, RENDERED, cases, nested};
 
-/// The device, tracing by lanes; none if its subgroups don't fit.
+/// The device, tracing by lanes; `None` if its subgroups don't fit.
 static BY_LANES: LazyLock<Option<Backend>> = LazyLock::new(|| {
     let fit = DEVICE.has_trace_by_lanes();
     println!("{}: lanes of a subgroup {} share a path", *DEVICE, if fit { "can" } else { "can't" });
@@ -17,7 +17,7 @@ static BY_LANES: LazyLock<Option<Backend>> = LazyLock::new(|| {
     fit.then(|| DEVICE.clone().tracing_by(TraceBy::Lanes).unwrap())
 });
 
-/// Shaders in which 4 lanes share a path, so that a subgroup of 8 holds two paths.
+/// Shaders in which 4 lanes share a path, so that a subgroup of 8 has two paths.
 fn of_four_lanes() -> ShaderSet {
     let mut shaders = ShaderSet::default();
     assert!(shaders.replace("trace", "PATH_LANES: u32 = 8u", "PATH_LANES: u32 = 4u"));
@@ -33,7 +33,8 @@ fn by_lanes(case: &Case, shaders: &ShaderSet) -> Option<Snapshot> {
     Some(renderer_by(case, backend, shaders).snapshot(&case.pose).unwrap())
 }
 
-/// Checks that two ways of `trace` agree: to the bit on software; a GPU's compiler may round two shaders differently.
+/// Checks that two variants of `trace` agree: bit for bit in software; a GPU's compiler may round two shaders
+/// differently.
 fn check_same(together: &Snapshot, alone: &Snapshot, what: &str) {
     compare("trace", together).unwrap();
     assert!(!DEVICE.name().contains("llvmpipe") || together == alone, "{what}");

@@ -1,4 +1,4 @@
-//! Columns of points and poses by their names, and the mounting of a probe, by the command line.
+//! Tests of columns of points and poses by their names, and of the mounting of a probe, by the command line.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -84,7 +84,7 @@ fn landmarks_along_the_patients_axes_are_turned_into_the_axes_of_a_stations_scen
     assert!(found.position_mm.distance(for_lps) < 1e-9 && said.is_empty(), "{found:?} {said}");
 }
 
-/// Poses of a sensor whose probe's point `rests` in a dimple, tilted and turned.
+/// Poses of a probe's sensor while the probe's point `rests` stays in a dimple; the probe is tilted and turned.
 fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
     let pose = |i: u32| {
         let part = f64::from(i) / 300.0;

@@ -1,4 +1,4 @@
-//! Accuracy and robustness of the estimator on simulated streams with a known true pose.
+//! Tests of the estimator's accuracy and robustness on simulated streams with a known true pose.
 
 use glam::{DQuat, DVec3};
 use insonify::pose::freehand::{Tremor, Waypoint, view_at};
@@ -47,7 +47,8 @@ impl Normal {
     }
 }
 
-/// A hand that moves 80 mm and 50° within 2 s, rests for 2 s, and comes back, with tremor: the peak is 75 mm/s.
+/// Pose of a hand with tremor that moves 80 mm and 50° within 2 s, rests for 2 s, and comes back. Its peak speed is 75
+/// mm/s.
 fn hand(tremor: &Tremor, time_s: f64) -> Pose {
     let there = (DVec3::new(80.0, 0.0, 0.0), DQuat::from_rotation_y(50_f64.to_radians()));
     let waypoints: Vec<Waypoint> = (0..6)
@@ -62,7 +63,7 @@ fn hand(tremor: &Tremor, time_s: f64) -> Pose {
     Pose { position_mm: position + orientation * shift, orientation: orientation * turn }
 }
 
-/// RMS errors of position (mm) and rotation (degrees).
+/// Sums for the RMS errors of position (mm) and rotation (degrees).
 #[derive(Default, Clone, Copy, Debug)]
 struct Error {
     squares: (f64, f64),
@@ -81,7 +82,7 @@ impl Error {
     }
 }
 
-/// Error against the hand at display time: of the estimator, and of the last raw pose.
+/// Errors relative to the hand's pose at display time: of the estimator's pose, and of the last measured pose.
 ///
 /// The tracker makes 60 measurements a second with noise of 0.15 mm and 0.1° on each axis; its transport takes 4 to 10
 /// ms. Frames are sampled 30 times a second and shown 25 ms later.

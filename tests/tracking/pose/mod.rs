@@ -1,4 +1,4 @@
-//! From a recorded stream to poses, and calibrations by the command line.
+//! Tests of the way from a recorded stream to poses, and of calibrations by the command line.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -25,7 +25,7 @@ use crate::program::{insonify, refused, succeeded};
 const START_NS: u64 = 1_790_000_000_000_000_000;
 const PERIOD_NS: u64 = 16_666_667;
 
-/// Counts allocations of the calling thread.
+/// Allocator that counts the allocations of the calling thread.
 struct Counting;
 
 thread_local! {
@@ -54,7 +54,7 @@ fn pose_at(time_s: f64) -> Pose {
     Pose { position_mm: DVec3::new(40.0 * (0.8 * time_s).sin(), 5.0 * time_s, 80.0), orientation }
 }
 
-/// A recording of `count` poses, 60 a second, without those that `lost` selects.
+/// Writes a recording of `count` poses, 60 a second, without those that `lost` selects.
 fn record(path: &Path, count: u32, pose: impl Fn(f64) -> Pose, lost: impl Fn(u32) -> bool) {
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,
@@ -71,7 +71,7 @@ fn record(path: &Path, count: u32, pose: impl Fn(f64) -> Pose, lost: impl Fn(u32
     writer.finish().unwrap();
 }
 
-/// Measurements of a recording, by the decoder of its protocol.
+/// Measurements in a recording, read by the decoder of its protocol.
 fn measurements(path: &Path) -> Vec<Measurement> {
     let mut reader = RecordingReader::open(path).unwrap();
     let mut decoder = reader.info().protocol.decoder();
@@ -188,7 +188,7 @@ fn scene_from_tracker() -> Pose {
     }
 }
 
-/// A landmark file with measurements modified by `change`.
+/// Writes a landmark file whose measured points are changed by `change`; returns its path.
 fn landmarks(dir: &Path, change: impl Fn(usize, DVec3) -> DVec3) -> PathBuf {
     let mut text = "x,y,z,tx,ty,tz,name\n".to_owned();
     for (i, (name, scene)) in LANDMARKS.into_iter().enumerate() {
@@ -201,7 +201,7 @@ fn landmarks(dir: &Path, change: impl Fn(usize, DVec3) -> DVec3) -> PathBuf {
     path
 }
 
-/// A stylus tilted to all sides about its tip.
+/// Sensor pose of a stylus that is tilted to all sides about its tip.
 fn pivoting(time_s: f64) -> Pose {
     let axis = DVec3::new((3.0 * time_s).cos(), (3.0 * time_s).sin(), 0.0);
     let orientation = DQuat::from_axis_angle(axis, 0.6 * (1.3 * time_s).sin()) * DQuat::from_rotation_z(time_s.sin());

@@ -1,4 +1,4 @@
-//! Kept fuzzing inputs and seeds: `tests/fuzzed/TARGET/*`.
+//! Tests with the kept inputs and seeds of fuzzing: `tests/fuzzed/TARGET/*`.
 
 use std::path::Path;
 

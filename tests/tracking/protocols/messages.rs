@@ -1,8 +1,8 @@
-//! OpenIGTLink messages written by the test itself.
+//! OpenIGTLink messages that the tests write themselves.
 
 use glam::{DMat3, DVec3};
 
-/// CRC-64/ECMA-182, bit by bit, independent of the code under test.
+/// CRC-64/ECMA-182, computed bit by bit, independently of the code under test.
 pub(crate) fn crc(bytes: &[u8]) -> u64 {
     const POLYNOMIAL: u64 = 0x42F0_E1EB_A9EA_3693;
     bytes.iter().fold(0, |crc, &byte| {
@@ -34,7 +34,7 @@ pub(crate) fn tool(name: &str, matrix: &[u8]) -> Vec<u8> {
     [&padded(name, 20)[..], &[1, 0], matrix].concat()
 }
 
-/// A message of protocol version 1 or 3, the latter with metadata.
+/// A message of protocol version 1, or of version 3 with metadata.
 pub(crate) fn message(version: u16, kind: &str, device: &str, seconds: u32, content: &[u8]) -> Vec<u8> {
     let body = if version == 1 {
         content.to_vec()

@@ -1,4 +1,4 @@
-//! The NDI driver with an emulated device, in memory, on a simulated clock.
+//! Tests of the NDI driver with an emulated device, in memory, on a simulated clock.
 
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use proptest::prelude::*;
 
 use crate::protocols::ndi_device::{Device, Port, Tool, framed, pose};
 
-/// Time from a command to its answer.
+/// Time from a command to the arrival of its reply.
 const ROUND_TRIP: Duration = Duration::from_millis(5);
 
-/// Modifies the reply of a given number in transmission.
+/// Damages replies in transmission, given each reply's number.
 type Fault<'a> = Box<dyn FnMut(usize, &mut Vec<u8>) + 'a>;
 
-/// A driver and a device on one line.
+/// A driver and a device that are connected by a line.
 struct Session<'a> {
     driver: NdiDriver,
     device: Device,
@@ -29,7 +29,7 @@ struct Session<'a> {
     received: Vec<u8>,
     replies: usize,
     fault: Fault<'a>,
-    /// Number of bytes that arrive at once.
+    /// Number of reply bytes that arrive at once.
     piece: usize,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Advances the time.
+    /// Runs driver and device for a time.
     fn run(&mut self, time: Duration) {
         let end = self.now + time;
         let mut turns = 0;
@@ -111,7 +111,7 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// Checks the records since the last call, and that there are some of `sensors`.
+    /// Checks the records since the last call, and that each of `sensors` has some; returns them.
     fn check(&mut self, sensors: &[u16]) -> Vec<Record> {
         assert!(self.driver.is_tracking() && self.device.is_tracking(), "{:?} {:?}", self.errors, self.device.log);
         let records = std::mem::take(&mut self.records);
@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
         records
     }
 
-    /// Received replies, decoded as in a replay.
+    /// Records decoded from the received replies as in a replay, and the number of errors.
     fn replayed(&self) -> (Vec<Record>, usize) {
         let mut decoder = Protocol::Ndi.decoder();
         let mut buffer = BytesMut::from(&self.received[..]);
@@ -356,7 +356,7 @@ fn fault() -> impl Strategy<Value = Damage> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// With faults in a few replies at any time, the device finally tracks and no wrong pose is reported.
+    /// Whichever few replies are damaged, the device tracks in the end, and no wrong pose is reported.
     #[test]
     fn faults_are_overcome(
         faults in prop::collection::vec((0..60_usize, fault()), 0..6),

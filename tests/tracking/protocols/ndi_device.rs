@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 pub(crate) const POWER_ON_BAUD: u32 = 9600;
 const BAUDS: [u32; 8] = [9600, 14_400, 19_200, 38_400, 57_600, 115_200, 921_600, 1_228_739];
 
-/// CRC-16/ARC, bit by bit, independent of the code under test.
+/// CRC-16/ARC, computed bit by bit, independently of the code under test.
 pub(crate) fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte), |crc, _| if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 })
@@ -39,9 +39,9 @@ pub(crate) struct Tool {
     pub(crate) handle: u8,
     pub(crate) port: Port,
     pub(crate) in_view: bool,
-    /// Whether its initialisation fails.
+    /// Whether the tool's initialisation fails.
     pub(crate) broken: bool,
-    /// Bytes written to a wireless tool.
+    /// Bytes that the host has written to a wireless tool; `None` for a wired one.
     pub(crate) rom: Option<Vec<Option<u8>>>,
     pub(crate) switches: u8,
 }
@@ -61,16 +61,16 @@ pub(crate) fn pose(handle: u8, frame: u32) -> (DQuat, DVec3) {
 pub(crate) struct Device {
     mode: Mode,
     pub(crate) tools: Vec<Tool>,
-    /// Plugged in, but not known to the host yet.
+    /// Number of the device's measurement frame, 0 after a reset.
     pub(crate) frame: u32,
     pub(crate) baud: u32,
     pub(crate) line_baud: u32,
     pub(crate) system_status: u16,
-    /// Whether it refuses `TSTART:80`, as older devices do.
+    /// Whether the device refuses `TSTART:80`, as older ones do.
     pub(crate) is_old: bool,
-    /// Whether it is switched off.
+    /// Whether the device is switched off.
     pub(crate) is_off: bool,
-    /// Commands accepted or refused, without long arguments.
+    /// Commands that the device accepted or refused, without long arguments.
     pub(crate) log: Vec<String>,
     input: Vec<u8>,
     output: Vec<u8>,
@@ -93,7 +93,7 @@ impl Device {
         }
     }
 
-    /// A device left behind by an earlier session that was killed.
+    /// A device that still tracks, as an earlier session left it when it was killed.
     pub(crate) fn left_tracking(handles: &[u8], baud: u32) -> Self {
         let mut device = Self::new(handles);
         device.mode = Mode::Tracking;
@@ -106,7 +106,7 @@ impl Device {
         self.mode == Mode::Tracking
     }
 
-    /// Resets the device, as by a break or the power switch.
+    /// Resets the device, as by a break or the power switch; `says_so` makes it report the reset.
     pub(crate) fn reset(&mut self, says_so: bool) {
         self.mode = Mode::PoweredOn;
         self.baud = POWER_ON_BAUD;

@@ -1,4 +1,4 @@
-//! The OpenIGTLink server and its clients.
+//! Tests of the OpenIGTLink server and its clients.
 
 use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
@@ -16,7 +16,7 @@ use insonify::transducer::{Probe, Sector};
 
 use crate::protocols::messages::crc;
 
-/// Limit for tests that hang; far longer than any step takes.
+/// Time limit of tests that might hang; far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(20);
 
 fn pose() -> Pose {
@@ -66,7 +66,7 @@ struct Message {
 struct Client(TcpStream);
 
 impl Client {
-    /// Connects, and waits until the server has noticed.
+    /// Connects, and waits until the server has noticed the client.
     fn connect(server: &OpenIgtLink) -> Self {
         let before = server.counters().accepted.load(Ordering::Relaxed);
         let stream = TcpStream::connect(server.address()).unwrap();
@@ -89,7 +89,7 @@ impl Client {
         Message { kind: text(&head[2..14]), device: text(&head[14..34]), body }
     }
 
-    /// The next image, and the messages before it.
+    /// The next image, and the other messages before it.
     fn image(&mut self) -> (Message, Vec<Message>) {
         let mut others = Vec::new();
         loop {

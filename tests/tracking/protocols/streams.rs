@@ -1,5 +1,5 @@
-//! Promises of every decoder: the same records for any split of the stream, progress on any input, and recovery after
-//! damage.
+//! Tests of what every decoder promises: the same records for any split of the stream, progress on any input, and
+//! recovery after damage.
 
 use bytes::BytesMut;
 use glam::{DMat3, DQuat, DVec3};
@@ -33,7 +33,7 @@ impl Stream {
         }
     }
 
-    /// Bytes of record `n`.
+    /// Bytes of record number `n`.
     fn record(self, n: u32) -> Vec<u8> {
         let tools = [Tool { port: Port::Enabled, in_view: !n.is_multiple_of(7), ..Tool::wired(1) }];
         match self {
@@ -74,7 +74,7 @@ impl Stream {
     }
 }
 
-/// Records and errors of a stream received in pieces; each step must remove bytes.
+/// Records and errors from a stream received in pieces; each decoding step must remove bytes.
 fn decode(mut decoder: Decoder, pieces: &[&[u8]]) -> (Vec<Record>, Vec<String>) {
     let mut buffer = BytesMut::new();
     let (mut records, mut errors) = (Vec::new(), Vec::new());
@@ -288,7 +288,7 @@ proptest! {
     }
 }
 
-/// Body of a version 2 message: content and metadata.
+/// Body of a message of header version 2: content and metadata.
 fn with_metadata(content: &[u8], entries: &[(&str, &str)]) -> Vec<u8> {
     let mut header = (entries.len() as u16).to_be_bytes().to_vec();
     let mut text = Vec::new();
@@ -305,7 +305,7 @@ fn with_metadata(content: &[u8], entries: &[(&str, &str)]) -> Vec<u8> {
     [&body[..], content, &header, &text].concat()
 }
 
-/// A version 2 message with this body.
+/// A message of header version 2 with this body.
 fn version_2(kind: &str, device: &str, body: &[u8]) -> Vec<u8> {
     let mut bytes = message(1, kind, device, 7, body);
     bytes[..2].copy_from_slice(&[0, 2]);

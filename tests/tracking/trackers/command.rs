@@ -1,4 +1,4 @@
-//! `insonify trackers`.
+//! Tests of `insonify trackers`.
 
 use std::process::{Command, Output};
 

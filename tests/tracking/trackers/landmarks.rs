@@ -1,4 +1,5 @@
-//! `insonify calibrate landmarks --tracker`: landmarks touched with an emulated tracker, answered through a pipe.
+//! Tests of `insonify calibrate landmarks --tracker`: landmarks touched with an emulated tracker, prompts answered
+//! through a pipe.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
@@ -25,7 +26,7 @@ fn scene_from_tracker() -> Pose {
     }
 }
 
-/// Sensor pose seen by the tracker while the tip is at a point of the scene, with the `n`th tilt.
+/// Sensor pose in the tracker's frame while the stylus tip is at a point of the scene, with tilt number `n`.
 fn touching(scene_mm: DVec3, n: usize) -> Pose {
     let tip_mm = scene_from_tracker().inverse().transform_point(scene_mm);
     let orientation = DQuat::from_rotation_x(0.3 * n as f64) * DQuat::from_rotation_y(0.2);
@@ -36,15 +37,15 @@ fn touching(scene_mm: DVec3, n: usize) -> Pose {
 #[derive(Clone, Copy)]
 pub(super) enum Hand {
     Still(Pose),
-    /// Moves the sensor through these poses, by their number.
+    /// Moves the sensor through poses, given by their number.
     Along(fn(u32) -> Pose),
-    /// Slides continuously from there.
+    /// Slides continuously from this pose.
     Moving(Pose),
-    /// The tracker sees nothing.
+    /// Out of the tracker's view.
     Gone,
 }
 
-/// A tracker behind TCP.
+/// An emulated tracker behind TCP.
 pub(super) struct Tracker {
     address: String,
     hand: Arc<Mutex<Hand>>,
@@ -92,7 +93,7 @@ impl Drop for Tracker {
     }
 }
 
-/// A station in `dir` with a known stylus, and the program that asks for its calibration.
+/// The program that asks for touches or steps, with a station in `dir` whose stylus is known.
 pub(super) struct Asked {
     child: Child,
     input: Option<ChildStdin>,
@@ -129,7 +130,7 @@ impl Asked {
         Self { child, input, said }
     }
 
-    /// Reads up to a line that contains `part`.
+    /// Reads the program's messages up to a line that contains `part`.
     #[track_caller]
     pub(super) fn until(&mut self, part: &str) -> String {
         let mut all = String::new();
@@ -147,7 +148,7 @@ impl Asked {
         writeln!(self.input.as_mut().unwrap(), "{line}").unwrap();
     }
 
-    /// Touches the requested point.
+    /// Answers the request for `point` by touching the position `at_mm` with tilt number `n`.
     #[track_caller]
     fn take(&mut self, tracker: &Tracker, point: &Named<DVec3>, at_mm: DVec3, n: usize) {
         self.until(&format!("touch {} with the tip of the stylus", point.name));
@@ -163,7 +164,7 @@ impl Asked {
         }
     }
 
-    /// Closes the input; returns the exit code, stdout, and the remaining stderr.
+    /// Closes the program's input; returns its exit code, stdout, and the remaining stderr.
     pub(super) fn end(mut self) -> (Option<i32>, String, String) {
         drop(self.input.take());
         let mut said = String::new();

@@ -1,4 +1,4 @@
-//! A listener that a test waits on.
+//! Listener for tracker events on which a test can wait.
 
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -25,7 +25,7 @@ impl TrackerListener {
         self.0.1.notify_all();
     }
 
-    /// Waits until `done` returns a value, and returns it.
+    /// Waits until `done` returns a value, and returns that. `what` names it if the time is up.
     pub fn wait<T>(&self, what: &str, mut done: impl FnMut(&Heard) -> Option<T>) -> T {
         let heard = self.0.0.lock().unwrap();
         let (heard, timed_out) = self.0.1.wait_timeout_while(heard, LIMIT, |heard| done(heard).is_none()).unwrap();
@@ -41,7 +41,7 @@ impl TrackerListener {
         self.wait("records", |heard| heard.records.get(before + count - 1).map(|(_, record)| *record))
     }
 
-    /// Waits for the `n`th event of a kind, counted from 1.
+    /// Waits for event number `n`, from 1, of those that `kind` accepts.
     pub fn nth_event(&self, n: usize, kind: impl Fn(&TrackerEvent) -> bool) -> TrackerEvent {
         self.wait("an event", |heard| heard.events.iter().filter(|event| kind(event)).nth(n - 1).cloned())
     }
@@ -61,7 +61,7 @@ impl Listener for TrackerListener {
     }
 }
 
-/// A session that ends with its test.
+/// A tracker session that ends with its test.
 pub struct Live {
     pub listener: TrackerListener,
     cancel: CancellationToken,

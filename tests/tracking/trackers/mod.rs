@@ -1,4 +1,4 @@
-//! Sessions with emulated devices on pseudo-terminals and sockets, and properties of the Polhemus decoders.
+//! Tests of sessions with emulated devices on pseudo-terminals and sockets, and of the Polhemus decoders' properties.
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs, unreachable_pub)]
 

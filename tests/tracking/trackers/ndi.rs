@@ -1,7 +1,8 @@
-//! NDI devices on a pseudo-terminal and on a socket, through complete sessions.
+//! Tests of NDI devices on a pseudo-terminal and on a socket, through complete sessions.
 //!
-//! The emulator refuses wrong checksums and commands out of order, and receives only noise at another line speed. A
-//! pseudo-terminal carries no break: resets by break are tested in memory (`tests/tracking/protocols/ndi.rs`).
+//! The emulator refuses wrong checksums and commands out of order, and receives only noise if the line has another
+//! speed. A pseudo-terminal carries no break, so resets by break are tested in memory
+//! (`tests/tracking/protocols/ndi.rs`).
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -18,14 +19,14 @@ use crate::protocols::ndi_device::{Device, pose};
 use crate::trackers::listener::{LIMIT, Live, connected, decode_error, disconnected};
 use crate::trackers::ports::{Board, Order, Terminal, place, serial};
 
-/// A device that a test inspects while it is used.
+/// A device that a test can inspect while a session uses it.
 type Shared = Arc<Mutex<Device>>;
 
 fn shared(device: Device) -> Shared {
     Arc::new(Mutex::new(device))
 }
 
-/// The device on a serial line; this many of the next commands reach it damaged.
+/// The device on a serial line, and the number of next commands that reach it damaged.
 struct OnLine(Shared, Arc<AtomicUsize>);
 
 impl Board for OnLine {
@@ -59,7 +60,7 @@ fn on_serial(link: &std::path::Path) -> Settings {
     settings
 }
 
-/// Checks that the record is what the device measured.
+/// Checks that the record's pose is the one that the device measured.
 #[track_caller]
 fn check(record: &Record) {
     let Reading::Pose(found) = record.reading else { panic!("{record:?}") };
@@ -192,7 +193,7 @@ fn unanswered_commands_are_reported_while_the_device_is_silent() {
     assert_eq!(starts, 2);
 }
 
-/// The device as a TCP server; on request, closes a connection after the first bytes of the next reply.
+/// The device as a TCP server. If `cut` is set, it closes the connection after that many bytes of the next reply.
 struct Server {
     address: String,
     cut: Arc<Mutex<Option<usize>>>,

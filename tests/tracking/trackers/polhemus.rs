@@ -1,7 +1,7 @@
-//! Emulated Polhemus tracker. It obeys commands as its manual says, in the configured units, format and output list,
+//! Emulated Polhemus tracker. It obeys commands as the manual says, in the configured units, format and output list,
 //! and ignores them during a reset.
 //!
-//! It does no input or output and reads no clock, so it serves on pseudo-terminals and in simulated time.
+//! It does no input or output and reads no clock, so it can be used on pseudo-terminals and in simulated time.
 
 use std::time::Duration;
 
@@ -32,21 +32,21 @@ pub struct Polhemus {
     pub state: State,
     /// Duration of a reset.
     pub reset_time: Duration,
-    /// End of the present reset.
+    /// Time at which the present reset ends.
     resetting: Option<Duration>,
-    /// Whether it hangs: it does nothing until it is reset.
+    /// Whether the device hangs: it does nothing until it is reset.
     pub hung: bool,
     /// Number of resets.
     pub resets: u32,
-    /// Commands that it did not understand.
+    /// Commands that the device did not understand.
     pub refused: Vec<String>,
     /// Number of commands lost because they arrived during a reset.
     pub lost: usize,
-    /// An incomplete command.
+    /// Bytes of an incomplete command.
     partial: Vec<u8>,
     period: Duration,
     next: Duration,
-    /// Records sent.
+    /// Number of records sent.
     pub records: u32,
 }
 
@@ -149,12 +149,12 @@ impl Polhemus {
         }
     }
 
-    /// Time of its next output.
+    /// Time of the next record; `None` while the device sends none.
     pub fn next_at(&self) -> Option<Duration> {
         (self.state.streaming && self.resetting.is_none() && !self.hung).then_some(self.next)
     }
 
-    /// The next due record.
+    /// The next record, if it is due.
     pub fn next_record(&mut self, now: Duration) -> Option<Vec<u8>> {
         self.pass(now);
         let at = self.next_at().filter(|at| *at <= now)?;
@@ -163,7 +163,7 @@ impl Polhemus {
         Some(self.record(self.records - 1, at))
     }
 
-    /// A record with the present settings.
+    /// Bytes of record `n` with the present settings.
     fn record(&self, n: u32, at: Duration) -> Vec<u8> {
         let scale = if self.state.centimetres { 1.0 } else { 1.0 / 2.54 };
         let position = Self::position_cm(n).map(|cm| cm * scale);

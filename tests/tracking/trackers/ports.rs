@@ -1,4 +1,4 @@
-//! Devices on pseudo-terminals.
+//! Tests of devices on pseudo-terminals.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -18,9 +18,9 @@ use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use crate::trackers::listener::{Live, connected, decode_error, disconnected};
 use crate::trackers::polhemus::{Kind, Polhemus};
 
-/// Device at the far end of a terminal.
+/// Emulated device at the far end of a terminal.
 pub trait Board: Send + 'static {
-    /// Reports the speed that the host gave the line, baud.
+    /// Tells the device the line speed that the host has set, baud.
     fn at_speed(&mut self, _baud: u32) {}
     fn receive(&mut self, now: Duration, bytes: &[u8]);
     fn next_record(&mut self, now: Duration) -> Option<Vec<u8>>;
@@ -36,7 +36,7 @@ impl Board for Polhemus {
     }
 }
 
-/// A hobby board: a line every 5 ms.
+/// A hobby board that sends a line every 5 ms; the field counts them.
 struct Lines(u32);
 
 pub fn line(n: u32) -> String {
@@ -57,17 +57,17 @@ impl Board for Lines {
 }
 
 pub enum Order {
-    /// Sends only the first bytes of the next record and then nothing; answers with the total of bytes sent.
+    /// Sends only this many bytes of the next record and then nothing; answers with the total of bytes sent.
     Cut(usize, mpsc::Sender<usize>),
-    /// Disappears.
+    /// Disappears, as if it were unplugged.
     Unplug,
-    /// Flips bits of one byte in each of the next records.
+    /// Flips bits of one byte in each of this many next records.
     Damage(usize),
-    /// Silent from now on, or no longer; its output in between is lost.
+    /// Falls silent (true) or sends again (false); its output in between is lost.
     Mute(bool),
 }
 
-/// A board on a pseudo-terminal behind a link, as udev creates them by id.
+/// A board on a pseudo-terminal behind a symbolic link, like those that udev creates by id.
 pub struct Terminal {
     orders: mpsc::Sender<Order>,
     thread: Option<JoinHandle<()>>,
@@ -94,13 +94,13 @@ impl Terminal {
         self.orders.send(order).unwrap();
     }
 
-    /// Waits until it has ended.
+    /// Waits until the board has ended.
     pub fn join(mut self) {
         self.thread.take().unwrap().join().unwrap();
     }
 }
 
-/// Speed of a terminal, baud, including non-standard ones.
+/// Line speed of a terminal, baud, including non-standard ones; `None` if it can't be read.
 #[cfg(target_os = "linux")]
 fn speed(terminal: &File) -> Option<u32> {
     use std::os::fd::AsRawFd;
@@ -118,7 +118,7 @@ fn speed(_: &File) -> Option<u32> {
     None
 }
 
-/// The board's loop. It also holds the near end open, because a terminal without readers reports errors.
+/// Loop of the board. It also holds the near end open, since a terminal that nobody has open reports errors.
 fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::Receiver<Order>) {
     let (mut far, start) = (File::from(master), Instant::now());
     let (mut cut, mut damage, mut mute, mut sent) = (None, 0, false, 0);

@@ -1,4 +1,5 @@
-//! `insonify calibrate probe --tracker`: steps recorded with an emulated tracker, answered through a pipe.
+//! Tests of `insonify calibrate probe --tracker`: steps recorded with an emulated tracker, prompts answered through a
+//! pipe.
 
 use std::f64::consts::{PI, TAU};
 use std::thread::sleep;
@@ -9,16 +10,16 @@ use insonify::pose::{Calibration, Pose, angle_between};
 
 use super::landmarks::{Asked, Hand, Tracker};
 
-/// Place of the dimple in the tracker's frame, mm.
+/// Position of the dimple in the tracker's frame, mm.
 const DIMPLE: DVec3 = DVec3::new(210.0, -90.0, 40.0);
 
-/// The end of the face at the marker, of a convex probe, mm.
+/// End of a convex probe's face at its marker, probe frame, mm.
 const MARKER_END: DVec3 = DVec3::new(-28.0, 0.0, -8.0);
 
-/// The other end, mm.
+/// Other end of the face, probe frame, mm.
 const OTHER_END: DVec3 = DVec3::new(28.0, 0.0, -8.0);
 
-/// Time for which the hand moves in a step. The step ends when the tracker then sees nothing.
+/// Time for which the hand moves in a step. Then the tracker sees nothing, which ends the step.
 const MOVING: Duration = Duration::from_millis(1000);
 
 fn sensor_from_probe() -> Pose {
@@ -26,8 +27,8 @@ fn sensor_from_probe() -> Pose {
     Pose { position_mm: DVec3::new(10.0, -20.0, 90.0), orientation }
 }
 
-/// Pose `n` of the sensor while the probe's point `rests` in the dimple, tilted by up to `tilt` and turned by up to `spin`,
-/// rad; 200 poses are a round.
+/// Pose `n` of the sensor while the probe's point `rests` stays in the dimple. The probe is tilted by up to `tilt` and
+/// turned by up to `spin`, rad; the movement repeats after 200 poses.
 fn resting(n: u32, rests: DVec3, tilt: f64, spin: f64) -> Pose {
     let part = f64::from(n % 200) / 200.0;
     let axis = DVec3::new((5.0 * TAU * part).cos(), (5.0 * TAU * part).sin(), 0.0);
@@ -36,7 +37,7 @@ fn resting(n: u32, rests: DVec3, tilt: f64, spin: f64) -> Pose {
     Pose { position_mm: DIMPLE - orientation * rests, orientation } * sensor_from_probe().inverse()
 }
 
-/// Takes a step with a hand that moves along `path`.
+/// Answers the prompt for a step with a hand that moves along `path`.
 #[track_caller]
 fn take(asked: &mut Asked, tracker: &Tracker, step: &str, path: fn(u32) -> Pose) {
     asked.until(step);

@@ -1,4 +1,4 @@
-//! Properties of any stream of a Polhemus device.
+//! Tests of properties that hold for any stream of a Polhemus device.
 
 use bytes::BytesMut;
 use insonify::tracker::{DecodeError, Protocol, Record};
@@ -13,7 +13,7 @@ const PROTOCOLS: [(Kind, Protocol); 4] = [
     (Kind::Liberty, Protocol::Patriot),
 ];
 
-/// Records and errors of `bytes`, received in pieces that end at `cuts`.
+/// Records and errors from `bytes`, received in pieces that end at `cuts`.
 fn decode(protocol: Protocol, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record, DecodeError>> {
     let mut ends: Vec<_> = cuts.iter().map(|cut| cut % (bytes.len() + 1)).collect();
     ends.push(bytes.len());
@@ -38,7 +38,7 @@ fn decode(protocol: Protocol, bytes: &[u8], cuts: &[usize]) -> Vec<Result<Record
     out
 }
 
-/// The first `count` records that a device streams after these commands.
+/// Bytes of the first `count` records that a device streams after it was configured.
 fn stream(kind: Kind, protocol: Protocol, count: usize) -> Vec<u8> {
     let mut device = Polhemus::new(kind);
     let commands: &[u8] = match protocol {

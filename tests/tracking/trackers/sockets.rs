@@ -1,4 +1,4 @@
-//! Devices on sockets.
+//! Tests of devices on sockets.
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener, UdpSocket};

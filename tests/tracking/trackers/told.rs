@@ -1,4 +1,4 @@
-//! What `insonify trackers`, `record` and `inspect` tell of tools, senders, damage and silence.
+//! Messages of `insonify trackers`, `record` and `inspect` on tools, senders, damage and silence.
 
 use std::io::Write;
 use std::net::{TcpListener, UdpSocket};
@@ -18,13 +18,13 @@ fn insonify(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_insonify")).args(args).env_remove("RUST_LOG").output().unwrap()
 }
 
-/// Exit code, stdout and stderr.
+/// Exit code, stdout and stderr of a command.
 fn texts(output: &Output) -> (Option<i32>, String, String) {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code(), text(&output.stdout), text(&output.stderr))
 }
 
-/// A server for one client, which gets `message(n)` every 10 ms until it leaves.
+/// Address of a server for one client, to which it sends `message(n)` every 10 ms until the client leaves.
 fn server(message: impl Fn(u32) -> Vec<u8> + Send + 'static) -> String {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
@@ -79,7 +79,7 @@ fn tools_are_listed_and_one_is_named() {
     assert!(err.contains("`openigtlink` numbers its tools by arrival; name the probe by --tool"), "{err}");
 }
 
-/// A station in `dir` with a scene that is not there, and this `[tracker]`.
+/// A station in `dir` whose scene does not exist, with the `[tracker]` table `tracker`.
 fn station(dir: &Path, tracker: &str) -> String {
     let path = dir.join("s.toml");
     std::fs::write(&path, format!("[scene]\npath = \"none.glb\"\n[tracker]\n{tracker}")).unwrap();
@@ -244,7 +244,7 @@ fn the_format_of_lines_is_in_the_help() {
     }
 }
 
-/// Runs a small station with the tracker at `address` for some seconds; returns its summary, its frames and stderr.
+/// Runs a small station with the tracker at `address` for some seconds. Returns the summary, the frames and stderr.
 fn run(address: &str) -> (serde_json::Value, Vec<serde_json::Value>, String) {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).display().to_string();
