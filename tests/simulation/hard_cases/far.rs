@@ -8,8 +8,8 @@ use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
 
 use super::common::{ROUNDING, frame, holds, renderer, row, words};
 
-/// A plate in speckle, scaled and moved. Its corners are on multiples of 1/64 mm, which f32 represents exactly even 98 m
-/// away.
+/// A plate in speckle, scaled and moved. Its corners are on multiples of 1/64 mm, which f32 represents exactly even 98
+/// m away.
 fn moved(offset: Vec3, scale: f32) -> Scene {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let (grain, plate) = (bench.tissue(grainy(0.0, 0.01)), bench.tissue(silent(1450.0, 1.8)));

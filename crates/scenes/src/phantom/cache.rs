@@ -53,7 +53,7 @@ pub fn cached(
 /// File of a phantom. A file outside the cache is deleted when this value is dropped.
 #[derive(Debug)]
 pub struct PhantomFile {
-    /// Path of the .glb.
+    /// Path of the .glb file.
     pub path: PathBuf,
     _temporary: Option<TempDir>,
 }

@@ -63,7 +63,7 @@ pub struct Plausibility {
     "{path}: read by {names}, the labels {verdict}: {findings}.{hints} --allow-implausible makes the scene all the same"
 )]
 pub struct ImplausibleError {
-    /// Label map.
+    /// Path of the label map.
     pub path: PathBuf,
     /// Origin of the names.
     pub names: String,

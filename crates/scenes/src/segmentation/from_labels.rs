@@ -47,7 +47,7 @@ impl Default for Options {
 pub struct Made {
     /// Name of the surface.
     pub name: String,
-    /// Tissue.
+    /// Name of the tissue inside the surface.
     pub tissue: String,
     /// Priority in the scene.
     pub priority: i32,

@@ -19,7 +19,7 @@ pub struct OrganMesh {
     pub name: String,
     /// Class of the mesh.
     pub class: Class,
-    /// Closed surface, outward.
+    /// Closed surface that faces outward.
     pub mesh: Mesh,
 }
 

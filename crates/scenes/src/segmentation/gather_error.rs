@@ -24,7 +24,7 @@ pub enum GatherError {
         if names.len() > IMAGE_VALUES { "; with so many values it may be an image: that goes to --image" } else { "" }
     )]
     Unmapped {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
         /// Descriptions of the segments, each with its number, its voxels and the nearest known names.
         names: Vec<String>,
@@ -32,7 +32,7 @@ pub enum GatherError {
     /// A map that contains only background.
     #[error("{path}: all voxels are 0: it labels nothing. Give the file that the segmentation was written to")]
     Empty {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
     },
     /// A label map without any organ.
@@ -40,7 +40,7 @@ pub enum GatherError {
         "{path} has no segment that becomes an organ: {found}; --names chooses the table of names, --map adds to it"
     )]
     Nothing {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
         /// Segments found instead of organs.
         found: String,
@@ -51,11 +51,11 @@ pub enum GatherError {
          labels of one tissue"
     )]
     TooMany {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
-        /// Segments that are organs.
+        /// Number of segments that are organs.
         found: usize,
-        /// Limit.
+        /// Largest number of organs.
         limit: usize,
     },
     /// A body or an image that seems to be of another scan.
@@ -64,11 +64,11 @@ pub enum GatherError {
          scan?{hint}"
     )]
     OtherScan {
-        /// Body or image.
+        /// Path of the body or image.
         path: PathBuf,
         /// Command-line option that named the file.
         option: &'static str,
-        /// Label map.
+        /// Path of the label map.
         labels: PathBuf,
         /// Share of the labelled voxels within the body or image, %.
         percent: f64,
@@ -81,9 +81,9 @@ pub enum GatherError {
          --allow-implausible makes them part of the body"
     )]
     OrganOutside {
-        /// Body.
+        /// Path of the body's label map.
         path: PathBuf,
-        /// Label map.
+        /// Path of the label map.
         labels: PathBuf,
         /// Names of the organs, each with the share outside the body.
         organs: String,
@@ -94,15 +94,15 @@ pub enum GatherError {
          TotalSegmentator's task body writes it, or leave --body out; --allow-implausible takes it all the same"
     )]
     OnlyOrgans {
-        /// Body.
+        /// Path of the body's label map.
         path: PathBuf,
-        /// Label map.
+        /// Path of the label map.
         labels: PathBuf,
     },
     /// A volume too large for the available memory.
     #[error("{path}: {none}: crop the volume, or resample it to larger voxels")]
     Memory {
-        /// Label map or image.
+        /// Path of the label map or image.
         path: PathBuf,
         /// Memory that is missing.
         none: NoMemory,
@@ -113,7 +113,7 @@ pub enum GatherError {
     /// A file without a body.
     #[error("{path}, given as --body, labels nothing but background")]
     NoBody {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
     },
 }

@@ -55,7 +55,7 @@ pub enum NamesFrom {
     Maps,
     /// The file's name, for its only label.
     FileName {
-        /// Label.
+        /// Number of the label.
         value: u16,
         /// Name of the organ.
         organ: String,
@@ -123,9 +123,9 @@ pub enum NamingError {
          is read by the names of its files"
     )]
     SingleLabel {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
-        /// Label.
+        /// Number of the label.
         value: u16,
         /// Volume of the label, ml.
         ml: f64,
@@ -140,9 +140,9 @@ pub enum NamingError {
          by the file's name, or say what it is with --map {value}={organ}"
     )]
     Contradiction {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
-        /// Label.
+        /// Number of the label.
         value: u16,
         /// Organ that the file's name stands for.
         organ: String,
@@ -157,11 +157,11 @@ pub enum NamingError {
          (or =ignore), or by which table it is numbered with --names"
     )]
     UnnamedAmongSeveral {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
         /// Organ that the file's name stands for.
         organ: String,
-        /// Label.
+        /// Number of the label.
         value: u16,
     },
     /// A file with one organ's name and several labels without names.
@@ -170,7 +170,7 @@ pub enum NamingError {
          and so on, or by which table they are numbered with --names"
     )]
     SeveralLabels {
-        /// Label map.
+        /// Path of the label map.
         path: PathBuf,
         /// Organ that the file's name stands for.
         organ: String,

@@ -18,7 +18,7 @@ const SIDES: [&str; 6] = ["right", "left", "front", "back", "feet", "head"];
 pub struct Row {
     /// Name of the surface.
     pub name: String,
-    /// Tissue.
+    /// Name of the tissue inside the surface.
     pub tissue: String,
     /// Priority: where surfaces overlap, the highest is the medium.
     pub priority: i32,
@@ -47,7 +47,7 @@ impl From<&Made> for Row {
 /// Summary of a scene made from a segmentation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Scene file.
+    /// Path of the scene file.
     pub scene: PathBuf,
     /// Path of the segmentation, or of its first file.
     pub source: PathBuf,

@@ -8,7 +8,7 @@ use super::face;
 use crate::phantom::attitude::Attitude;
 use crate::phantom::biometry::Biometry;
 
-/// Skin and scalp over the skull, mm as drawn.
+/// Thickness of skin and scalp over the skull, mm as drawn.
 const SCALP_MM: f32 = 2.6;
 
 /// Semi-axes of the skull's outer table, mm as drawn.

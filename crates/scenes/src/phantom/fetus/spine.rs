@@ -9,7 +9,7 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 /// Position of the canal's centre relative to the vertebral bodies' centres, mm as drawn; negative is dorsal.
 const CANAL_MM: f32 = -4.0;
 
-/// Cartilage and discs, canal, cord and vertebrae.
+/// Organs of the spine: cartilage with discs, canal, cord and vertebrae.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
     let tube = |from: f32, to: f32, ventral: f32, radius: f32| {

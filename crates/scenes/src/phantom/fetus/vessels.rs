@@ -84,7 +84,7 @@ pub(in crate::phantom) fn descending_aorta(attitude: &Attitude, level: f32) -> V
     attitude.trunk(level, a.1 + (b.1 - a.1) * t, a.2 + (b.2 - a.2) * t)
 }
 
-/// Blood and vessel walls.
+/// Organs of the vessels: blood and walls.
 pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let scale = attitude.biometry.trunk_scale();
     let blood = union([great_vessels(attitude, 0.0), small_vessels(attitude)]);

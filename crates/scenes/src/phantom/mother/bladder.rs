@@ -17,7 +17,7 @@ pub(in crate::phantom) fn bladder_centre(parameters: &Parameters) -> Vec3 {
     CENTRE_22_MM + shift
 }
 
-/// Wall and urine.
+/// Organs of the bladder: wall and urine.
 pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ> {
     let centre = bladder_centre(parameters);
     let urine = smooth_union(

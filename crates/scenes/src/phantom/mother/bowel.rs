@@ -87,7 +87,7 @@ fn gas(parameters: &Parameters, lines: &[Vec<(Vec3, f32)>]) -> Solid {
     smooth_union(pockets, 3.0)
 }
 
-/// Wall, content and gas.
+/// Organs of the bowel: wall, content and gas.
 pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ> {
     let lines = lines(parameters);
     let interior = wall.interior();

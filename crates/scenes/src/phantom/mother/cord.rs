@@ -79,7 +79,7 @@ impl Cord {
         [0.35, 0.65].map(|turn| self.winding(ARTERY, turn * TAU, grown_mm))
     }
 
-    /// Jelly, vessel walls and blood.
+    /// Organs of the cord: jelly, vessel walls and blood.
     pub(super) fn organs(&self) -> Vec<Organ> {
         let jelly = sweep(&self.line.iter().map(|&p| (p, self.radius_mm)).collect::<Vec<_>>());
         let [left, right] = self.arteries(VESSEL_WALL_MM);

@@ -148,7 +148,7 @@ impl Lattice {
     }
 }
 
-/// The septa and the fat between them.
+/// Organs of the subcutaneous fat: the slab of the septa, and the lobules between them.
 pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ> {
     const NAMES: [&str; 8] = [
         "fat_lobules_1",

@@ -106,7 +106,7 @@ impl Border {
     fn solid(self) -> Solid {
         let along = self.half_mm[1];
         let outer = self.under_fat.bounds().grown(self.upper_mm + 1.0);
-        // Beyond a right angle the relief ends below the axis.
+        // The relief spans slightly more than a right angle, so it ends below the axis.
         let low = AXIS_Z_MM - 0.15 * outer.max.x;
         let bounds = outer.overlap(Bounds {
             min: Vec3::new(outer.min.x, -along - 1.0, low),

@@ -25,7 +25,7 @@ fn body(i: usize) -> Vec3 {
     Vec3::new(0.0, -40.0 + SPACING_MM * i as f32, -91.0 + 3.0 * (1.0 - (0.5 * i as f32 - 1.0).powi(2)))
 }
 
-/// Bones, discs and psoas.
+/// Organs of the lumbar spine: bones, discs and psoas.
 pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     let shift = Isometry { translation: Proportions::of(parameters).skeleton_shift(), ..Isometry::IDENTITY };
     let discs = union((0..VERTEBRAE).map(|i| {

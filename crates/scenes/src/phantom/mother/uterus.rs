@@ -33,7 +33,7 @@ pub(super) fn cavity(semi: Vec3) -> Solid {
     })
 }
 
-/// Wall, cervix with its canal, membranes and fluid.
+/// Organs of the uterus: wall, cervix with its canal, membranes and fluid.
 pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ> {
     let proportions = Proportions::of(parameters);
     let cavity = cavity(proportions.cavity_semi);

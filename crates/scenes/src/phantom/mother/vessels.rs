@@ -42,7 +42,7 @@ fn vessels(shift: Vec3, top_mm: f32, grown_mm: f32) -> Solid {
     ])
 }
 
-/// Walls and blood.
+/// Organs of the vessels: walls and blood.
 pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
     let proportions = Proportions::of(parameters);
     let (shift, top) = (proportions.skeleton_shift(), 150.0 + proportions.excess.y.abs());

@@ -10,7 +10,7 @@ pub enum ClassError {
     /// No built-in table of this name.
     #[error("no table of classes is called `{name}`{nearest}; there are {known}")]
     UnknownTable {
-        /// Name.
+        /// Name asked for.
         name: String,
         /// Suggestion, as text to append, or empty.
         nearest: String,
@@ -20,9 +20,9 @@ pub enum ClassError {
     /// A file that can't be read.
     #[error("{}: can't be read: {error}", path.display())]
     Read {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// Cause.
+        /// Cause of the failure.
         error: std::io::Error,
     },
     /// A file that isn't a table of classes.
@@ -38,9 +38,9 @@ pub enum ClassError {
     Class {
         /// Path of the file, or name of a built-in table.
         table: String,
-        /// Class.
+        /// Name of the class.
         class: String,
-        /// Fault.
+        /// Description of the fault.
         reason: String,
     },
     /// A mapping that isn't of the form `NAME=TARGET`.
@@ -54,15 +54,15 @@ pub enum ClassError {
     /// A mapping of a name with unprintable characters.
     #[error("`{mapping}`: the name has a line break or control character; leave it out")]
     Unprintable {
-        /// Mapping, without these characters.
+        /// Mapping, without its unprintable characters.
         mapping: String,
     },
     /// A mapping of a name or number that occurs nowhere.
     #[error("--map: {path} has no `{name}`{nearest}; it has {known}")]
     Unused {
-        /// Name or number.
+        /// Name or number in the mapping.
         name: String,
-        /// File or folder with the labels.
+        /// Path of the file or folder with the labels.
         path: PathBuf,
         /// Suggestion, as text to append, or empty.
         nearest: String,
@@ -72,7 +72,7 @@ pub enum ClassError {
     /// A mapping to an unknown target.
     #[error("`{mapping}`: `{target}` is neither a class nor a tissue{nearest}")]
     Target {
-        /// Mapping.
+        /// Mapping, as given.
         mapping: String,
         /// Text after the `=` of the mapping.
         target: String,

@@ -22,7 +22,7 @@ pub struct MappedSegment {
     pub name: String,
     /// Colour in the file, sRGB.
     pub colour: Option<[u8; 3]>,
-    /// Class.
+    /// Class of the segment.
     pub class: Class,
     /// Number of voxels.
     pub voxels: u64,

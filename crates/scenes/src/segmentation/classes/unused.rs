@@ -15,7 +15,7 @@ const LISTED_MAX: usize = 8;
 /// What mappings may refer to: the segments of a map, and the names of files.
 #[derive(Debug, Clone, Copy)]
 pub struct Mappable<'a> {
-    /// File or folder, for messages.
+    /// Path of the file or folder, for messages.
     pub path: &'a Path,
     /// Label map with the segments.
     pub labels: &'a LabelMap,

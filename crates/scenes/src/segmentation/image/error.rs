@@ -10,7 +10,7 @@ pub enum ImageError {
     /// An image without content.
     #[error("{path}, given as --image, has the value {value} in all voxels: give the CT or MR that was segmented")]
     Constant {
-        /// Image.
+        /// Path of the image.
         path: PathBuf,
         /// Value of all voxels.
         value: f32,
@@ -21,7 +21,7 @@ pub enum ImageError {
          body's outline with --body, or pass --image-type mr if it is an MR"
     )]
     NotHu {
-        /// Image.
+        /// Path of the image.
         path: PathBuf,
         /// Values of air, fat, organs and bone in the image, as text.
         seen: String,
@@ -33,7 +33,7 @@ pub enum ImageError {
         "{path}, given as --image, doesn't fit the labels: {percent:.0} % of the soft tissue lies in {what} ({seen}). {hint}"
     )]
     InAir {
-        /// Image.
+        /// Path of the image.
         path: PathBuf,
         /// Share of the soft tissue in air, %.
         percent: f64,
@@ -50,7 +50,7 @@ pub enum ImageError {
          {times:.1} times as much. Mirror its voxels and keep its affine, or give the image that was segmented"
     )]
     Mirrored {
-        /// Image.
+        /// Path of the image.
         path: PathBuf,
         /// Direction, as `left to right`.
         direction: String,

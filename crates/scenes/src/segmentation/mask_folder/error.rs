@@ -19,7 +19,7 @@ pub enum MaskFolderError {
          writes it (its option --ml writes one file for all organs){remedy}"
     )]
     NoMasks {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// What was found instead.
         found: String,
@@ -32,7 +32,7 @@ pub enum MaskFolderError {
          --leave-out-unknown; a file of several organs is given alone"
     )]
     Unknown {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// Descriptions of the files' names, with the nearest known ones.
         names: String,
@@ -42,7 +42,7 @@ pub enum MaskFolderError {
         "{path}: `{first}` and `{second}` are both `{organ}`: move one of them away, or leave it out with --map {stem}=ignore"
     )]
     Twice {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// First file.
         first: String,
@@ -61,7 +61,7 @@ pub enum MaskFolderError {
         "{path} has the labels {values}, and the files of a folder have one organ each: give that file alone, or move it away"
     )]
     SeveralLabels {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// The first labels.
         values: String,
@@ -72,11 +72,11 @@ pub enum MaskFolderError {
          move it away"
     )]
     OtherGrid {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Description of the file's grid.
         found: String,
-        /// File that was read first.
+        /// Path of the file that was read first.
         first: PathBuf,
         /// Description of the first file's grid.
         expected: String,
@@ -84,7 +84,7 @@ pub enum MaskFolderError {
     /// No mask of a body.
     #[error("{path}, given as --body, has no mask that is called body or skin; it has {found}")]
     NoBody {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// Names of the masks in the folder.
         found: String,
@@ -92,7 +92,7 @@ pub enum MaskFolderError {
     /// Masks without a voxel.
     #[error("{path}: {} empty", all_masks(*files))]
     Empty {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// Number of files.
         files: usize,
@@ -100,7 +100,7 @@ pub enum MaskFolderError {
     /// Masks that are all left out of the scene.
     #[error("{path}: {} ignored; give one a meaning with --map NAME=TISSUE (or =CLASS)", all_masks(*files))]
     Ignored {
-        /// Folder.
+        /// Path of the folder.
         path: PathBuf,
         /// Number of files.
         files: usize,

@@ -23,7 +23,7 @@ pub enum MeaningError {
     Target {
         /// Argument, as given.
         word: String,
-        /// Meaning.
+        /// Meaning, as given.
         target: String,
         /// Suggestion, as text to append, or empty.
         nearest: String,
@@ -31,7 +31,7 @@ pub enum MeaningError {
     /// A name that no mesh has.
     #[error("{file} has no mesh `{name}`{nearest}; it has {known}")]
     UnknownMesh {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Name asked for.
         name: String,
@@ -43,7 +43,7 @@ pub enum MeaningError {
     /// A name that several parts of a file have.
     #[error("`{name}` of {file} is a part of several meshes: write {candidates}")]
     Ambiguous {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Name asked for.
         name: String,
@@ -53,7 +53,7 @@ pub enum MeaningError {
     /// A mesh with two meanings.
     #[error("{file} gets two meanings for `{name}`: give one")]
     Twice {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Name of the mesh, or of the file.
         name: String,
@@ -64,7 +64,7 @@ pub enum MeaningError {
          {file}#{first}={meaning}, or {file}#*={meaning} if all are {meaning}"
     )]
     Several {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Number of meshes and parts.
         count: usize,
@@ -72,13 +72,13 @@ pub enum MeaningError {
         known: String,
         /// First name.
         first: String,
-        /// Meaning.
+        /// Meaning, as given.
         meaning: String,
     },
     /// A file whose only mesh is no known organ.
     #[error("{file}: `{name}` is no known organ{nearest}: give its tissue or organ as FILE=MEANING")]
     Unknown {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Name of the mesh.
         name: String,
@@ -91,7 +91,7 @@ pub enum MeaningError {
          in {file}#{first}=liver, or {file}#*=MEANING for all, or export a file for each organ"
     )]
     UnknownOfSeveral {
-        /// File.
+        /// Path of the file.
         file: PathBuf,
         /// Names of the meshes.
         names: String,

@@ -26,7 +26,7 @@ const ALL: &str = "*";
 /// Argument that names a file, one of its meshes, and the meaning: `FILE`, `FILE=MEANING` or `FILE#NAME=MEANING`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Assignment {
-    /// File.
+    /// Path of the file.
     pub file: PathBuf,
     /// Name of a mesh or part; `*` for all meshes without another meaning. `None` for the file as a whole.
     pub mesh: Option<String>,
@@ -37,9 +37,9 @@ pub struct Assignment {
 /// A mesh with its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Meant {
-    /// Class.
+    /// Class of the mesh.
     pub class: Class,
-    /// Mesh.
+    /// The mesh, or a part of a mesh as a mesh of its own.
     pub mesh: NamedMesh,
 }
 

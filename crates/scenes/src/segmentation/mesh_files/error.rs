@@ -34,7 +34,7 @@ pub enum MeshFileError {
     /// A picture or a volume.
     #[error("{path} is {kind}, not a mesh: `insonify scene from-labels` reads label maps (NIfTI, NRRD)")]
     Picture {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Kind of the file.
         kind: &'static str,
@@ -42,13 +42,13 @@ pub enum MeshFileError {
     /// An unsupported format.
     #[error("{path} is of an unknown format: export it as STL, OBJ, PLY, VTK polydata (.vtk, .vtp) or glTF (.glb)")]
     Unknown {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
     },
     /// A damaged file, or an unknown variant of the format.
     #[error("{path}, {at}: {reason}")]
     Format {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Position of the fault.
         at: Position,
@@ -66,13 +66,13 @@ pub enum MeshFileError {
     /// A vertex that is not finite.
     #[error("{path}: vertex {vertex} (from 0) of `{mesh}` is {value:?}; export the mesh again without it")]
     NotFinite {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Name of the mesh.
         mesh: String,
         /// Index of the vertex.
         vertex: usize,
-        /// Coordinates.
+        /// Coordinates of the vertex.
         value: [f64; 3],
     },
     /// An error of a glTF file.

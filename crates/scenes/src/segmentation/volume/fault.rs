@@ -10,7 +10,7 @@ use insonify_core::files::NoMemory;
 #[derive(Debug, Error)]
 #[error("{}: {fault}", path.display())]
 pub struct VolumeError {
-    /// File.
+    /// Path of the file.
     pub path: PathBuf,
     /// Fault in the file.
     pub fault: VolumeFault,
@@ -48,7 +48,7 @@ pub enum VolumeFault {
     /// An unsupported feature of the format.
     #[error("{what} can't be read; {remedy}")]
     Unsupported {
-        /// Feature.
+        /// Name of the feature.
         what: String,
         /// Advice to the user.
         remedy: &'static str,
@@ -76,7 +76,7 @@ pub enum VolumeFault {
         what: &'static str,
         /// Size found.
         found: u64,
-        /// Limit.
+        /// Largest accepted number.
         limit: u64,
     },
     /// A segmentation with too many layers.
@@ -86,7 +86,7 @@ pub enum VolumeFault {
     Layers {
         /// Number of layers found.
         found: usize,
-        /// Limit.
+        /// Largest accepted number.
         limit: usize,
     },
     /// More voxels than there is memory for.
@@ -158,7 +158,7 @@ pub enum VolumeFault {
     /// A fault in a separate file of voxels, which the header names.
     #[error("data file {}: {fault}", path.display())]
     DataFile {
-        /// Data file.
+        /// Path of the data file.
         path: PathBuf,
         /// Fault in that file.
         fault: Box<VolumeFault>,
