@@ -7,7 +7,7 @@ use thiserror::Error;
 /// An image that is refused.
 #[derive(Debug, Error)]
 pub enum ImageError {
-    /// An image without content.
+    /// An image whose voxels all have the same value.
     #[error("{path}, given as --image, has the value {value} in all voxels: give the CT or MR that was segmented")]
     Constant {
         /// Path of the image.

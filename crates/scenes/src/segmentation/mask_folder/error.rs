@@ -13,7 +13,7 @@ pub enum MaskFolderError {
     /// The operating system's refusal.
     #[error(transparent)]
     File(#[from] FileError),
-    /// No volume file.
+    /// A folder without a volume file.
     #[error(
         "{path} has no masks: {found}. A folder is read if it holds one NIfTI or NRRD file per organ, as TotalSegmentator \
          writes it (its option --ml writes one file for all organs){remedy}"

@@ -51,7 +51,7 @@ fn crossed([p, q, r, s]: [u16; 4]) -> bool {
     (p == r && q != p && s != p) || (q == s && p != q && r != q)
 }
 
-/// Voxel and new label of the change that leaves the fewest crossed squares around the voxel; `None` if no change
+/// Voxel and new label of the change that leaves the fewest [`crossed`] squares around the voxel; `None` if no change
 /// helps.
 fn best_change(
     squares: &Squares,
