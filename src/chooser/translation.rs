@@ -92,8 +92,8 @@ fn folder() -> Option<PathBuf> {
     above.map(|folder| folder.join(FOLDER)).find(|folder| folder.is_dir())
 }
 
-/// The generator of LQ frames in `folder` with the least error in the table. PSNRs of manifests are not comparable,
-/// because their data sets differ.
+/// Generator in `folder` that takes frames of low quality (LQ) and has the least error at rest, according to `expected`.
+/// PSNRs in manifests are not comparable, because their data sets differ.
 fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
     let measured = entries.flatten().filter_map(|entry| {

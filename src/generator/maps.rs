@@ -52,7 +52,7 @@ impl Geometry {
         (self.padded_height - self.height) / 2 * self.padded_width
     }
 
-    /// Number of values in the rows of a padded plane that hold the field of view, padding included.
+    /// Number of values in those rows of a padded plane that hold the field of view, with the padding left and right.
     fn within(&self) -> usize {
         self.height * self.padded_width
     }

@@ -49,7 +49,7 @@ pub struct Status {
     pub source: FrameSource,
     /// Whether the picture is frozen.
     pub frozen: bool,
-    /// Impossible placement of the probe, if it has lasted for seconds.
+    /// Impossible placement of the probe, if it has lasted for some seconds.
     pub misplaced: Option<Misplacement>,
     /// Number of frames begun but not presented.
     pub dropped: u64,

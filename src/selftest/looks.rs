@@ -13,7 +13,7 @@ use crate::render::{Backend, Choice, Effect, ImageSettings, RenderError, RenderS
 use crate::settings::{LookSettings, ReceiverSettings};
 use crate::transducer::{Probe, ProbeKind};
 
-/// Level of the receiver noise, dB.
+/// Level of the receiver noise before gain and TGC, dB relative to the echo of a perfect reflector.
 const NOISE_DB: f64 = -70.0;
 /// Depth of the point target, mm. The focus is there as well.
 const POINT_MM: f64 = 70.0;

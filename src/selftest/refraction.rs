@@ -26,11 +26,13 @@ const BEYOND_MM: f64 = 12.0;
 /// Impedance of the medium before the refracting plane, MRayl.
 const IMPEDANCE: f64 = 1.5;
 
-/// A target plane beyond a refracting plane: position of its specimen, a point on it relative to the entry, and its
-/// normal.
+/// A target plane beyond a refracting plane. Points and normals are in axes in which the arriving path runs along z.
 struct Plane {
+    /// Lateral and elevational position of the probe above the specimen, mm.
     place: DVec2,
+    /// A point of the target plane, relative to where the path enters the refracting plane, mm.
     point: DVec3,
+    /// Normal of the target plane.
     normal: DVec3,
 }
 

@@ -32,7 +32,7 @@ impl BatchPlan {
         Self { layers_per_batch, lines_per_batch: whole.scanlines, parts: 1, batches }
     }
 
-    /// Splits a frame into batches whose segments take at most `bytes_max`, or that hold one scanline of one layer.
+    /// Splits a frame into batches whose segments take at most `bytes_max`. One scanline of one layer is never split.
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
     pub(crate) fn within(bytes_max: u64, whole: &Params) -> Self {
         let of_line = u64::from(whole.rays) * PATH_BYTES;

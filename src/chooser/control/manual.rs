@@ -5,7 +5,8 @@ use crate::pose::BySpeed;
 use crate::render::FrameQuality;
 
 impl PointController {
-    /// Sets whether watchers want generated pictures. If not, only points without a generator are chosen.
+    /// Sets whether watchers want generated pictures. If not, only operating points without a generator are
+    /// chosen.
     pub(crate) fn allow_generators(&mut self, generate: bool) {
         self.asked = (self.asked || !self.generate) && generate;
         self.generate = generate;

@@ -24,7 +24,7 @@ const PATH_STEP_S: f64 = 0.1;
 pub struct Track {
     /// Time since the start, s.
     pub time_s: Vec<f64>,
-    /// Centre of the face in the scene, mm.
+    /// Centre of the probe's face, in the scene, mm.
     pub position_mm: Vec<[f64; 3]>,
     /// Whether the probe is on the skin.
     pub contact: Vec<bool>,

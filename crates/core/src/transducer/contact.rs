@@ -8,8 +8,8 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 use crate::settings::ContactSettings;
 
-/// Constant k in the one-way amplitude loss of a gap of e mm beyond the film of gel: k·e²/(1 + e), nepers. The first
-/// half millimetre is the meniscus of the gel.
+/// Constant k in the one-way amplitude loss of a gap of e mm beyond the film of gel: k·e²/(1 + e), nepers. The loss
+/// begins quadratically, because the meniscus of the gel bridges about half a millimetre.
 pub const GAP_NP_MM: f64 = 4.0;
 /// Width of the gap beyond the film of gel from which on nothing is coupled, mm; the loss there is 28 nepers.
 pub const GAP_MAX_MM: f64 = 8.0;

@@ -81,7 +81,7 @@ struct FrameBuilder<'a> {
     scene: &'a SceneBuffers,
     buffers: &'a Buffers,
     batches: BatchPlan,
-    /// Passes made so far, for any frame.
+    /// Passes created so far. Frames of this configuration share them.
     passes: Vec<Arc<Pass>>,
     dispatches: Vec<Dispatch>,
 }

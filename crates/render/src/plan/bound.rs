@@ -14,7 +14,7 @@ pub enum Bound {
     /// The frame is the same except for rounding in f32. Rounding may choose another cell if a scanline runs within a
     /// face of the scatterer lattice.
     Exact,
-    /// No bound is needed: the scene does not call for the effect, which is simulated only if the station requests it.
+    /// No bound is needed: the effect is simulated only if the station switches it on. The scene does not call for it.
     OnRequest,
     /// Bound on the level of any pixel. If media of different loss meet, it excludes speckle nulls 26 dB below the
     /// mean.

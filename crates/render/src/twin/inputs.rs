@@ -28,7 +28,7 @@ pub struct Elevation {
     pub offset_mm: f64,
     /// Elevational offset per mm of ray in the scan plane.
     pub slope: f64,
-    /// Length of the path per mm of depth.
+    /// Length of the path per mm of ray in the scan plane.
     pub stretch: f64,
 }
 

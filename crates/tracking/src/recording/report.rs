@@ -27,7 +27,7 @@ pub struct RecordingReport<'a> {
     pub damaged_parts: u64,
     /// Number of pieces of bytes that the decoder refused.
     pub decode_errors: u64,
-    /// Number of records missing by their counter.
+    /// Number of records missing, according to gaps in their counter.
     pub missing_records: u64,
     /// Number of records whose counter did not rise.
     pub sequence_reversals: u64,

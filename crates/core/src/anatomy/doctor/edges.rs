@@ -9,7 +9,7 @@ use super::finding::{Defect, Finding, Region};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Largest distance between two rims that should be joined, mm. It is limited to a quarter of the mean open edge.
+/// Largest distance between two rims that count as meant to be joined, mm; at most a quarter of the open edges' mean length.
 const SEAM_MM: f32 = 0.01;
 
 /// Edge of a triangle, with its vertices in order of index.

@@ -40,7 +40,8 @@ pub(in crate::host) struct Inputs<'a> {
     pub(in crate::host) elevations: Option<&'a [[f32; 4]]>,
 }
 
-/// Adds the paths of a batch; the last batch makes the mask.
+/// Adds the paths of a batch to the means. After the last batch, computes from them the mask of each cell and the loss
+/// of each row.
 pub(in crate::host) fn transmission(params: &Params, inputs: Inputs<'_>, into: Transmission<'_>) {
     let Transmission { means, mask, row_np } = into;
     let tables = inputs.tables;

@@ -255,7 +255,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Advances a path by its candidates to its next interface.
+    /// Advances a path to its next interface, testing only `candidates`: the triangles that it may cross.
     #[inline(always)]
     pub(super) fn go_straight(
         &self,

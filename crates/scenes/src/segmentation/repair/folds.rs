@@ -117,7 +117,8 @@ fn smooth(
     None
 }
 
-/// Pairs of crossing triangles with at least one of `some`. The tree was built from the mesh before smoothing.
+/// Pairs of crossing triangles, at least one of them in `some`. `tree` has the positions before smoothing, which moves
+/// vertices by up to `reach_mm`, so the search reaches further.
 fn crossings_of(mesh: &Mesh, tree: &Tree<'_>, some: &[u32], is_some: &BTreeSet<u32>, reach_mm: f32) -> Vec<Pair> {
     let mut found = Vec::new();
     for &t in some {
