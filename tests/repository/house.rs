@@ -345,8 +345,8 @@ fn every_room_of_the_order_is_a_room() {
 
 #[test]
 fn no_files_of_a_folder_import_each_other_in_a_circle() {
-    for house in libraries().iter().chain([&commands()]) {
-        assert!(house.edges().count() > 100, "the source was not read");
+    for house in libraries().iter().chain([&commands(), &House::read("python/src", &[])]) {
+        assert!(house.edges().count() > 40, "the source was not read");
         let folders = house.named.keys();
         let circles =
             folders.flat_map(|f| house.circles(f).into_iter().map(move |circle| format!("{}: {circle}", f.join("::"))));
