@@ -55,7 +55,7 @@ pub enum LiveError {
     #[error(transparent)]
     Sink(#[from] SinkError),
     /// A sink that this build lacks.
-    #[error("this build has no {sink}: build it with the feature `{feature}`")]
+    #[error("this build has no {sink}: `cargo build --release --features {feature}` makes one with it")]
     NotBuilt {
         /// The sink.
         sink: &'static str,
