@@ -1,5 +1,4 @@
-//! A generator on a frame: renders a station's frame and translates it with a model. Needs ONNX Runtime
-//! (`scripts/setup`):
+//! A generator on a frame: translates a station's frame with a model. Needs ONNX Runtime (`scripts/setup`):
 //! `cargo run --release --example generator_on_a_frame -- [MODEL] [PICTURE]`
 
 use std::error::Error;
