@@ -30,7 +30,7 @@ const RMS_MM: f64 = 5.0;
 pub struct SetupFinding {
     /// Severity.
     pub severity: Severity,
-    /// What is wrong, with the key of the station file.
+    /// Sentence that says what is wrong and names the key of the station file.
     pub what: String,
     /// Advice how to mend it.
     pub remedy: String,

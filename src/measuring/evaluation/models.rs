@@ -12,7 +12,7 @@ use crate::transducer::ScanGeometry;
 /// Models of an evaluation.
 #[derive(Debug, Clone, Default)]
 pub struct Models {
-    /// Generator files (.onnx), each with its manifest beside it. The best generator comes last.
+    /// Files of generators (.onnx), in order of quality with the best last. A manifest lies next to each.
     pub generators: Vec<PathBuf>,
     /// Execution provider of the generators.
     pub provider: Provider,

@@ -38,15 +38,16 @@ impl Sector {
         (point_mm - self.corner_mm) / self.pixel_mm
     }
 
-    /// As [`Sector::polar`], for scanlines steered by `steer_rad`, positive towards +x. Not for phased arrays. `None`
-    /// at points that no steered scanline reaches.
+    /// Lateral fraction 0..1 and depth from the face, mm, of a probe-frame point (x, z), mm, along scanlines steered by
+    /// `steer_rad`, positive towards +x. `None` at points that no steered scanline reaches. Not for phased arrays.
     pub fn polar_steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> Option<(f64, f64)> {
         let [fraction, depth_mm] = Self::steered(probe, point_mm, steer_rad);
         let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth_mm);
         inside.then_some((fraction, depth_mm))
     }
 
-    /// As [`Sector::polar_steered`], but for any point: fraction and depth may lie outside the sector.
+    /// Lateral fraction and depth from the face, mm, of any probe-frame point (x, z), mm, along scanlines steered by
+    /// `steer_rad`. Outside the sector, the fraction may lie outside 0..1, and the depth outside the probe's.
     pub fn steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> [f64; 2] {
         let (sin, cos) = steer_rad.sin_cos();
         let (lateral, depth) = match probe.face_radius_mm() {

@@ -19,8 +19,8 @@ const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
 /// Largest error of mesh decimation, in voxels.
 const ERROR_VOXELS: f64 = 0.35;
-/// Wall thickness, in voxels, from which a wall's inner side is meshed from voxels. That of a thinner wall is the outer
-/// surface moved inward.
+/// Wall thickness, in voxels, from which the inner side of a wall is meshed from voxels. The inner side of a thinner wall
+/// is its outer surface moved inward.
 const THICK_VOXELS: f64 = 2.0;
 /// Largest distance that a surface is moved to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;

@@ -94,7 +94,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
     Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
 
-/// Those of the edges `open` that remain open after nearly coincident rim vertices are merged.
+/// Edges of `open` that have no partner even after nearly coincident rim vertices are merged.
 fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let at = |i: u32| mesh.vertices_mm[i as usize];
     let mean = open.iter().map(|&[a, b]| f64::from(at(a).distance(at(b)))).sum::<f64>() / open.len().max(1) as f64;

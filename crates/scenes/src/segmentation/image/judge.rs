@@ -19,8 +19,8 @@ const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
 const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
 /// Value that no median of soft tissue in HU exceeds, with contrast agent included.
 const SOFT_HU_MAX: f32 = 400.0;
-/// As `SOFT_HU_MAX`, but for an image that the user states to be a CT: even if all the tissue were blood with contrast
-/// agent. Values that lack their rescale intercept are higher.
+/// Value in HU that no median of soft tissue exceeds in an image that the user states to be a CT. Blood with contrast
+/// agent stays below it, and values without their rescale intercept lie above it.
 const STATED_SOFT_HU_MAX: f32 = 800.0;
 /// Range of fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;

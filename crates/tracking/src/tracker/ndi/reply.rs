@@ -130,7 +130,8 @@ pub(super) fn is_text_reply(text: &[u8]) -> bool {
     text.contains(&b'\n') || (text.len() == 6 && text.starts_with(b"00"))
 }
 
-/// Like [`binary`], but for a `TX` reply without its checksum.
+/// Passes each port in a `TX` reply, given without its checksum, to `found`, with the offset of the byte after it. Returns
+/// the system status.
 pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     let mut cursor = Cursor { bytes: text, at: 0 };
     let count = cursor.hex(2)?;
