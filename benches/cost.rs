@@ -26,7 +26,7 @@ use insonify::recording;
 use insonify::render::{Backend, BackendChoice, Quality, RenderSettings};
 use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::station::Station;
-use insonify::statistics::slope;
+use insonify::statistics::{evenly, slope};
 use insonify::transducer::Probe;
 
 /// Number of measured frames for each point of a curve.
@@ -76,7 +76,7 @@ fn main() {
     }
     let measured_scene = Measured::new(&backend, station.load_scene(&|_| ()).expect("the scene"));
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
-    let poses: Vec<Pose> = (0..FRAMES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * FRAMES)].pose).collect();
+    let poses: Vec<Pose> = evenly(FRAMES, recorded.len()).map(|i| recorded[i].pose).collect();
     for (name, values, change) in curves.into_iter().filter(|(name, ..)| is_wanted(name)) {
         let points = values.iter().filter_map(|&n| {
             let (mut probe, mut settings) = (station.probe, station.settings);
@@ -155,7 +155,7 @@ impl<'a> Measured<'a> {
 }
 
 /// Markdown table of a curve.
-fn table(Curve { name, points, .. }: &Curve) -> String {
+fn table(Curve { name, points }: &Curve) -> String {
     let Some(last) = points.last() else { return String::new() };
     let names: Vec<_> = last.passes.iter().map(|p| p.0).collect();
     let mut text = format!("\n| {name} | frame, ms | {} |\n", names.join(" | "));

@@ -12,7 +12,7 @@ use insonify::recording;
 use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::{create_dir, npy, write_json};
 use insonify::station::Station;
-use insonify::statistics::{sorted, upper_median};
+use insonify::statistics::{evenly, sorted, upper_median};
 
 /// Number of poses, spread over the recorded exam.
 const POSES: usize = 3;
@@ -29,7 +29,7 @@ fn main() -> anyhow::Result<()> {
     let station = Station::load(Path::new(station))?;
     let scene = station.load_scene_from(Path::new(scene))?;
     let (recorded, _) = recording::poses(Path::new("assets/exams/obstetric_sweep.mcap"))?;
-    let poses: Vec<Pose> = (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect();
+    let poses: Vec<Pose> = evenly(POSES, recorded.len()).map(|i| recorded[i].pose).collect();
 
     // The device's coordinates are relative to the middle of the scene.
     let centre_mm = Bvh::build(&scene)?.centre_mm;

@@ -15,6 +15,7 @@ use insonify::report::time_table::WHOLE_FRAME;
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::write_json;
 use insonify::station::Station;
+use insonify::statistics::evenly;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -144,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             if recorded.is_empty() {
                 return Err(Failure::Input(anyhow!("{} holds no poses", path.display())));
             }
-            (0..POSES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * POSES)].pose).collect()
+            evenly(POSES, recorded.len()).map(|i| recorded[i].pose).collect()
         }
         None => vec![input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz, --replay FILE")?],
     };

@@ -139,7 +139,7 @@ classified! {
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
     // The user gives the images, data sets and models.
     MeasuringError as Station | Dataset | Generator | Quality | Render | SelfTest | Sink {
-        MeasuringError::Table(_) | MeasuringError::Text(_) | MeasuringError::Read { .. } | MeasuringError::Figure(_) => Other,
+        MeasuringError::Table(_) | MeasuringError::Text(_) | MeasuringError::Read(_) | MeasuringError::Figure(_) => Other,
         _ => Input,
     }
     OutputError { _ => Input }

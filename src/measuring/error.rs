@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::ErrorTableError;
 use crate::dataset::DatasetError;
-use crate::files::GreyError;
+use crate::files::{FileError, GreyError};
 use crate::generator::{GeneratorError, RuntimeError};
 use crate::quality::QualityError;
 use crate::render::RenderError;
@@ -19,13 +19,8 @@ use crate::station::StationError;
 #[non_exhaustive]
 pub enum MeasuringError {
     /// A stored result that cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// File or folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Read(FileError),
     /// A stored result whose content is damaged.
     #[error("{path} is damaged: measure again without what is stored ({source})")]
     Damaged {
@@ -62,13 +57,8 @@ pub enum MeasuringError {
         source: Box<MeasuringError>,
     },
     /// A folder of images that cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Folder {
-        /// Folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Folder(FileError),
     /// A folder of masks given for two single images.
     #[error("the mask {0} is a folder; two images have one mask")]
     MaskFolder(PathBuf),

@@ -1,7 +1,5 @@
 //! Renderer and generators that measure operating points: their frame times, and their errors against the reference.
 
-use std::time::Instant;
-
 use super::point_times::Times;
 use super::pose_error::{PoseError, classes, rmse, summary};
 use super::reference::Reference;
@@ -273,15 +271,14 @@ impl Harness {
         } else {
             self.renderer.render(&track.at, &mut self.frame)?;
         }
-        let started = Instant::now();
-        match generator.and_then(|index| self.generators.get_mut(index)) {
-            Some(generator) => generator.run(&Input::from(&self.frame), image)?,
+        let generator_ms = match generator.and_then(|index| self.generators.get_mut(index)) {
+            Some(generator) => elapsed_ms(|| generator.run(&Input::from(&self.frame), image))?,
             None => {
                 image.clone_from(&self.frame.bmode);
-                return Ok([self.frame.times.total_ms, 0.0]);
+                0.0
             }
-        }
-        Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
+        };
+        Ok([self.frame.times.total_ms, generator_ms])
     }
 
     /// Renders the last frame of a live session whose probe moved along `track`.

@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::MeasuringError;
 use crate::anatomy::Scene;
-use crate::files::{self, FileKind, hex};
+use crate::files::{self, FileError, FileKind, hex};
 use crate::sink::{create_dir, remove, write_json};
 use crate::station::Station;
 
@@ -28,7 +28,7 @@ impl Store {
         create_dir(&folder)?;
         let store = Self { folder, key: digest(&[env!("CARGO_PKG_VERSION"), &key.join("\n")]) };
         if !resume {
-            let failed = |source| MeasuringError::Read { path: store.folder.clone(), source };
+            let failed = |source| MeasuringError::Read(FileError::at("read", &store.folder)(source));
             let prefix = format!("{}_", store.key);
             for entry in std::fs::read_dir(&store.folder).map_err(failed)? {
                 let path = entry.map_err(failed)?.path();
@@ -51,7 +51,7 @@ impl Store {
         let text = match files::read(&path, FileKind::Stored) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(MeasuringError::Read { path, source }),
+            Err(source) => return Err(MeasuringError::Read(FileError::at("read", &path)(source))),
         };
         serde_json::from_slice(&text).map(Some).map_err(|source| MeasuringError::Damaged { path, source })
     }

@@ -39,10 +39,10 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         }
     }
     let defaults = Settings::default();
-    let protocol = match (values.text("protocol"), name) {
+    let protocol = match (values.text("protocol"), kind) {
         (Some(_), _) => text(values, "protocol", defaults.protocol)?,
-        (None, "hid") => parsed("protocol", "spacemouse")?,
-        (None, "none" | "mock" | "recording") => Protocol::AsciiLine,
+        (None, TransportKind::Hid) => Protocol::SpaceMouse,
+        (None, TransportKind::None | TransportKind::Mock | TransportKind::Recording) => Protocol::AsciiLine,
         (None, _) => {
             let names = Protocol::ALL.map(Protocol::name).join(", ");
             return Err(missing("protocol", &format!("what the tracker speaks, one of {names}")));
@@ -53,7 +53,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
         return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
     }
-    if !protocol.has_names() && name != "recording" {
+    if !protocol.has_names() && kind != TransportKind::Recording {
         let reason = format!(
             "`tracker.protocol` is \"{}\", whose sensors have numbers: `tracker.sensor` chooses one",
             protocol.name()
@@ -63,7 +63,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
     if values.text("tool").is_some() {
         values.refuse(&["sensor"], "`tracker.tool` chooses the probe by its name")?;
     }
-    if protocol.has_names() && name != "recording" {
+    if protocol.has_names() && kind != TransportKind::Recording {
         let reason = format!("`{}` numbers its tools by arrival; name the probe by `tool`", protocol.name());
         values.refuse(&["sensor"], &reason)?;
     }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::FeatureModel;
 use super::models::add_features;
 use super::tables::csv_scores;
-use crate::files::read_grey;
+use crate::files::{FileError, read_grey};
 use crate::generator::OnnxFeatures;
 use crate::measuring::MeasuringError;
 use crate::measuring::table::csv_field;
@@ -202,7 +202,7 @@ fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<(Vec<
 }
 
 fn names(folder: &Path) -> Result<BTreeSet<OsString>, MeasuringError> {
-    let failed = |source| MeasuringError::Folder { path: folder.to_owned(), source };
+    let failed = |source| MeasuringError::Folder(FileError::at("read", folder)(source));
     let mut names = BTreeSet::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();

@@ -4,7 +4,7 @@ use insonify_core::anatomy::Bvh;
 
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
-use crate::batch_plan::BatchPlan;
+use crate::batch_plan::{BatchPlan, PATH_BYTES};
 use crate::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::error::BackendError;
 use crate::params::Params;
@@ -148,7 +148,7 @@ impl Buffers {
             overflows: part("overflows", 16, |b| &b.overflows)?,
             map_overflows: part("overflows of maps", 16, |b| &b.map_overflows)?,
             starts: part("segment starts", paths * u64::from(STARTS) * 4, |b| &b.starts)?,
-            segments: part("segments", paths * u64::from(SEGMENTS) * 48, |b| &b.segments)?,
+            segments: part("segments", paths * PATH_BYTES, |b| &b.segments)?,
             echoes: part("interface echoes", paths * u64::from(SEGMENTS) * 8, |b| &b.echoes)?,
             hints: part("segment hints", paths * u64::from(params.hint_words) * 4, |b| &b.hints)?,
             raster: part("map raster", u64::from(params.map_rays) * u64::from(params.map_depths) * 4, |b| &b.raster)?,

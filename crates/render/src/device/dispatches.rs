@@ -147,8 +147,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     let (on, in_software, a) = (effects.effects(), frame.pipelines.in_software(gpu), &b.aperture);
     let (largest, last) = (plan.params(0, params), plan.batches - 1);
     let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
-    let flag = |on: bool| f64::from(u8::from(on));
-    let aperture = ("APERTURE", flag(on.has(Effect::Aperture)));
+    let aperture = ("APERTURE", f64::from(on.has(Effect::Aperture)));
 
     // Paths of a batch: surfaces around their starts and coupling of the face, then the segments.
     let paths = largest.paths();
@@ -193,8 +192,8 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
                 trace_batch(frame, batch)?;
             }
             if on.has(Effect::Scatterers) {
-                let elevational = ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)));
-                let constants = [aperture, elevational, ("TEXTURE", flag(on.has(Effect::Texture)))];
+                let elevational = ("ELEVATIONAL_SPECKLE", f64::from(on.has(Effect::ElevationalSpeckle)));
+                let constants = [aperture, elevational, ("TEXTURE", f64::from(on.has(Effect::Texture)))];
                 frame.run(March, batch, [samples_by(8)[0], largest.line_count, 1], &constants,
                     &[&b.starts, &b.segments, &b.hints, &b.scatterer_gain, &b.baseband, &b.kept_powers, &a.shape,
                         &a.line_gains, &b.sheet_reach, &b.textures, &a.reflected])?;
@@ -225,17 +224,17 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     // Image: lateral point-spread function, additions of the receiver, then pulse, envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
-        frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", flag(steered))],
+        frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", f64::from(steered))],
             &[&b.lateral_kernels, &b.baseband, &b.focused, &a.block_gains, &a.shape, &a.profiles, &a.blends,
                 &b.kernel_spans, &a.reflected])?;
         if params.receives() {
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }
-        frame.run(Detect, last, samples_by(8), &[("KEEP_LINES", flag(settings.lines))],
+        frame.run(Detect, last, samples_by(8), &[("KEEP_LINES", f64::from(settings.lines))],
             &[&b.pulse, &b.focused, &b.polar, &b.lines])?;
     }
     // From scanlines to pixels.
-    frame.run(ScanConvert, last, [params.sector_words.div_ceil(128), 1, 1], &[("MAPS", flag(contents.maps))],
+    frame.run(ScanConvert, last, [params.sector_words.div_ceil(128), 1, 1], &[("MAPS", f64::from(contents.maps))],
         &[&b.pixels, &b.polar, &b.raster, &b.percentile, &b.tissues, &b.bmode, &b.segmentation, &b.attenuation,
             &b.sector_words])
 }

@@ -33,15 +33,14 @@ impl TraceDispatch {
             TraceBy::Lanes => (Shader::TraceByLanes, PATH_LANES, gpu.paths_apart(all)),
         };
         let on = inputs.configuration.effects.effects();
-        let flag = |on: bool| f64::from(u8::from(on));
         let constants = [
             ("LANES_APART", f64::from(apart)),
-            ("MOVING", flag(inputs.media.moving && on.has(Effect::Motion))),
-            ("REFRACTION", flag(on.has(Effect::Refraction))),
-            ("INTERFACE_ECHOES", flag(on.has(Effect::InterfaceEchoes))),
-            ("ROUGHNESS", flag(on.has(Effect::Roughness))),
-            ("REFLECTIONS", flag(on.has(Effect::Reflections))),
-            ("APERTURE", flag(on.has(Effect::Aperture))),
+            ("MOVING", f64::from(inputs.media.moving && on.has(Effect::Motion))),
+            ("REFRACTION", f64::from(on.has(Effect::Refraction))),
+            ("INTERFACE_ECHOES", f64::from(on.has(Effect::InterfaceEchoes))),
+            ("ROUGHNESS", f64::from(on.has(Effect::Roughness))),
+            ("REFLECTIONS", f64::from(on.has(Effect::Reflections))),
+            ("APERTURE", f64::from(on.has(Effect::Aperture))),
         ];
         Self { shader, groups: [(paths * lanes * apart).div_ceil(GROUP), 1, copies], constants }
     }

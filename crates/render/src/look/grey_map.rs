@@ -8,7 +8,7 @@ pub fn table(map: GreyMap) -> [u8; 256] {
 }
 
 /// A grey map as a function from 0..=1 to 0..=1.
-pub(super) fn curve(map: GreyMap, x: f64) -> f64 {
+fn curve(map: GreyMap, x: f64) -> f64 {
     let smooth = x * x * (3.0 - 2.0 * x);
     match map {
         GreyMap::Linear => x,

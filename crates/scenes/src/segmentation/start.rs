@@ -98,7 +98,7 @@ impl Start {
             Some(target) => target.to_owned(),
             None => first_target(&planes, &rows, &segments),
         };
-        let (view, _) = look_at(surfaces, &sight, &target).ok_or_else(|| no_skin(&target))?;
+        let view = look_at(surfaces, &sight, &target).ok_or_else(|| no_skin(&target))?;
         let pose = view.pose.ok_or_else(|| no_skin(&target))?;
         let empty = Mesh::default();
         let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);

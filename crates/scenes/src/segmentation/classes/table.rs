@@ -49,8 +49,7 @@ static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
 });
 
 /// Names of the built-in tissues.
-static TISSUES: LazyLock<Vec<String>> =
-    LazyLock::new(|| TissueTable::builtin().map(|table| table.names().to_vec()).unwrap_or_default());
+static TISSUES: LazyLock<TissueTable> = LazyLock::new(|| TissueTable::builtin().unwrap_or_default());
 
 /// Class table: classes by name and by label number.
 #[derive(Debug, Clone, Default)]
@@ -165,11 +164,11 @@ impl ClassTable {
             let name = if value.is_some() { &known.name } else { name };
             let organ = Some(known.organ_name().to_owned());
             Class { name: name.to_owned(), value: None, aliases: Vec::new(), organ, ..known.clone() }
-        } else if TISSUES.iter().any(|tissue| tissue == target) {
+        } else if TISSUES.index_of(target).is_some() {
             Class::of_tissue(if value.is_some() { target } else { name }, target)
         } else {
             let known = self.classes.iter().map(|class| class.name.as_str());
-            let nearest = did_you_mean(target, known.chain(TISSUES.iter().map(String::as_str)));
+            let nearest = did_you_mean(target, known.chain(TISSUES.names().iter().map(String::as_str)));
             return Err(ClassError::Target { mapping: mapping.to_owned(), target: target.to_owned(), nearest });
         };
         let index = self.classes.len();
@@ -197,8 +196,8 @@ impl ClassTable {
             let fault = |reason| ClassError::Class { table: name.to_owned(), class: called.clone(), reason };
             class.check().map_err(fault)?;
             for (key, tissue) in class.tissues() {
-                if !TISSUES.iter().any(|known| known == tissue) {
-                    let nearest = did_you_mean(tissue, TISSUES.iter().map(String::as_str));
+                if TISSUES.index_of(tissue).is_none() {
+                    let nearest = did_you_mean(tissue, TISSUES.names().iter().map(String::as_str));
                     return Err(fault(format!("`{key}` is `{tissue}`, which is no tissue{nearest}")));
                 }
             }

@@ -62,10 +62,9 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
     (StandardPlanes { version: PLANES_VERSION, planes }, rows)
 }
 
-/// A view of the segment `name`, and its probe position. It is that of the segment's window, if there is one.
-/// Otherwise, the best direction from the front or the sides is taken. `None` if there is no such segment, or no skin
-/// from which it can be seen.
-pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, ProbeSite)> {
+/// A view of the segment `name`: through the segment's window if there is one, otherwise from the best direction at the
+/// front or the sides. `None` if there is no such segment, or no skin from which it can be seen.
+pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<View> {
     let organs = Organs(surfaces);
     let window: Option<fn(&Organs) -> Option<Window>> = match name {
         "liver" => Some(liver),
@@ -83,7 +82,7 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Pr
         view.outlines = vec![organs.of(&[name])?.name.clone()];
         Some(Wish { view, radius_mm: 0.35 * shape.length_mm(), cone_deg: 100.0 })
     })?;
-    placed(wish, sight)
+    placed(wish, sight).map(|(view, _)| view)
 }
 
 /// The view with its probe at the best position.
