@@ -103,7 +103,7 @@ changeable! {
         unobstructed_min: f32 = 1.0e-30;
         /// `visibility`: most gain by diffraction at an edge, nepers of amplitude.
         visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
-        /// `lateral`: least weight of the beam that counts; smaller ones are denormal.
+        /// `lateral`: least weight that counts; smaller weights are denormal.
         least_weight: f32 = f32::MIN_POSITIVE;
         /// `receive`: factor of the noise, clutter and reverberation that are added.
         added: f32 = 1.0;

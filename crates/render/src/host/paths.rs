@@ -61,7 +61,7 @@ impl<'a> Run<'a> {
     }
 
     /// Returns the segment that holds `sample`, and the first sample beyond that segment, at most `last`. Samples must
-    /// not decrease from call to call. Two samples share the first's segment.
+    /// not decrease from call to call. Each pair of samples shares the segment of its first sample.
     #[inline(always)]
     pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a Segment, u32) {
         let range = range_mm(params, sample);
@@ -82,7 +82,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// A segment without scatterers, for missing ones.
+/// A segment without scatterers, used for missing segments.
 const NONE: &Segment = &Segment {
     origin_mm: [0.0; 3],
     ln_amplitude_at_zero: 0.0,

@@ -250,7 +250,7 @@ impl HostRenderer {
             effects: PathEffects::new(configuration.effects.effects(), media.moving),
             constants: self.trace,
         };
-        // The last batch may have fewer layers.
+        // The last batch may have fewer layers than the others.
         let paths = params.paths() as usize;
         let lost = trace(&scene, self.follow, path_outputs(&mut self.buffers.passes, paths));
         laps.note("trace");

@@ -1,12 +1,12 @@
 //! Fourier transforms of several rows at once, a row a lane.
 //!
 //! Radix-4 steps in place, and one radix-2 step if the length is an odd power of two. Spectra are in bit-reversed
-//! order. All steps within one part of the numbers are done before the next part's, so that a part stays in the L1
+//! order. The data is split into parts. All steps within one part precede those of the next, so a part stays in the L1
 //! cache.
 
 /// Rows transformed together.
 pub(in crate::host) const LANES: usize = 8;
-/// Numbers whose steps are done together, so that they stay in the L1 cache: 16 KiB.
+/// Greatest length of a part, complex numbers per row: 16 KiB for all rows, which fit in the L1 cache.
 const PART_MAX: usize = 256;
 
 /// One number of each row.
@@ -42,7 +42,7 @@ impl Wide {
         difference
     }
 
-    /// The product with a number that all rows share.
+    /// Product with a complex number that all rows share.
     #[inline(always)]
     pub(in crate::host) fn times(&self, [re, im]: [f32; 2]) -> Self {
         let mut product = Self::ZERO;
@@ -53,7 +53,7 @@ impl Wide {
         product
     }
 
-    /// The product with i.
+    /// Product with i.
     #[inline(always)]
     pub(in crate::host) fn turned(&self) -> Self {
         let mut turned = Self { re: self.im, im: self.re };
@@ -99,7 +99,7 @@ impl Roots {
         self.end_inverse(data);
     }
 
-    /// Length of the parts within which the steps of [`Self::end_forward`] and [`Self::begin_inverse`] stay.
+    /// Length of the parts that [`Self::end_forward`] and [`Self::begin_inverse`] process one at a time.
     #[inline(always)]
     pub(in crate::host) fn part(&self) -> usize {
         let mut part = self.roots.len();

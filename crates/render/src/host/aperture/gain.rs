@@ -34,7 +34,7 @@ impl<'a> ApertureGains<'a> {
             (falls, passed) = ([segment.fall_np_mm; BLOCK], [segment.ln_passed_at_zero; BLOCK]);
         } else {
             for i in 0..BLOCK {
-                // Two samples share a segment: that of the first.
+                // Each pair of samples shares the segment of its first sample.
                 let segment = seek(params, paths, axial_path, first.wrapping_add((i & !1) as u32)).1;
                 (falls[i], passed[i]) = (segment.fall_np_mm, segment.ln_passed_at_zero);
             }
@@ -62,10 +62,10 @@ pub(in crate::host) struct ApertureGain<'a> {
 /// One depth interval of a scanline.
 #[derive(Debug, Clone, Copy)]
 struct Interval {
-    /// Fractional indices of the depth planes whose gains apply at its ends.
+    /// Fractional indices of the depth planes whose gains apply at the interval's start and end.
     positions: [f32; 2],
-    /// The scanline's loss up to the interval, its loss within it, and the part of the latter that all scanlines share;
-    /// one-way nepers.
+    /// The scanline's loss up to the interval, its loss within the interval, and the part of the latter that all
+    /// scanlines share; one-way nepers.
     begins_np: f32,
     total_np: f32,
     row_np: f32,
@@ -74,8 +74,7 @@ struct Interval {
 }
 
 impl Interval {
-    /// The scanline's own loss in the interval: its loss less the loss that all scanlines share, one-way nepers; at
-    /// least 0.
+    /// The scanline's own loss in the interval, one-way nepers: total minus shared loss, at least 0.
     #[inline(always)]
     fn own_np(&self) -> f32 {
         at_least(self.total_np - self.row_np, 0.0)
@@ -116,7 +115,7 @@ impl<'a> ApertureGain<'a> {
         }
     }
 
-    /// Index of the interval that holds a range, and the fraction of its depth before the range.
+    /// Index of the interval that contains a range, and the fraction of the interval's depth before the range.
     #[inline(always)]
     fn index(&self, range_mm: f32) -> (usize, f32) {
         let position = range_mm / self.plane_mm;
@@ -124,7 +123,7 @@ impl<'a> ApertureGain<'a> {
         (interval, position - interval as f32)
     }
 
-    /// ln of the two-way amplitude of scatterers at a range, up to which the axial path's loss is `loss_np`, one-way
+    /// ln of the two-way gain of scatterers at a range. `loss_np` is the axial path's loss up to that range, one-way
     /// nepers.
     #[inline(always)]
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
@@ -139,7 +138,7 @@ impl<'a> ApertureGain<'a> {
         [self.gain(position), position]
     }
 
-    /// The interval that holds a range, the fraction of its loss before the range, and the fractional plane index.
+    /// Interval that contains a range, the fraction of its loss before the range, and the fractional plane index.
     #[inline(always)]
     fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
         let (index, part) = self.index(range_mm);
@@ -190,12 +189,12 @@ pub(in crate::host) struct InterfaceGains<'a> {
     gain: ApertureGain<'a>,
     starts: &'a [f32],
     segments: &'a [Segment],
-    /// Interval of the last interface, with the path's own position at its start; its index; the path's loss up to it,
-    /// one-way nepers.
+    /// Interval that contains the last interface, its index, and the path's loss up to the interval (one-way nepers).
+    /// The interval's first position is the path's own.
     interval: Interval,
     index: usize,
     begins_np: f32,
-    /// Indices of the segments that hold the start of that interval and of the one before.
+    /// Indices of the segments that contain the start of that interval and the start of the previous one.
     holds: [usize; 2],
 }
 
@@ -216,14 +215,14 @@ impl<'a> InterfaceGains<'a> {
         let (interval, begins_np) = (self.interval, self.begins_np);
         let rise_np = self.segments[arrived].loss_np(range_mm) - begins_np;
         let lost = interval.lost(part, rise_np + interval.begins_np);
-        // Plane `index` lies before obstacles that are not crossed yet: only the path's own loss leads beyond it.
+        // Plane `index` precedes obstacles that the path has not crossed. Only its own loss leads past that plane.
         let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
         let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.positions[0]);
         let position = at_most(interval.position(part, lost), furthest);
         self.gain.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// Makes `index` the current interval, for a path that has come to segment `arrived`.
+    /// Makes `index` the current interval, for a path that has reached segment `arrived`.
     #[inline(always)]
     fn enter(&mut self, index: usize, arrived: usize) {
         let boundary_mm = |interval: usize| interval as f32 * self.gain.plane_mm;
@@ -235,8 +234,8 @@ impl<'a> InterfaceGains<'a> {
         self.begins_np = loss_of(index, holds);
         self.interval = self.gain.interval(index);
         if let Some(before) = index.checked_sub(1) {
-            // Distance by which the position lags behind the depth, rescaled from the scanline's own loss in the
-            // interval before to the path's.
+            // Lag of the position behind the depth. It is rescaled from the scanline's own loss in the previous
+            // interval to the path's own loss there.
             let last = self.gain.interval(before);
             let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
             let lag = (index as f32 - self.interval.positions[0]) / lags(last.own_np());

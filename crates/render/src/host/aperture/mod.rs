@@ -1,4 +1,4 @@
-//! The aperture's gain along each scanline, and its beams, which diffract past obstacles.
+//! Gain of the aperture along each scanline, and the aperture's beams, which diffract past obstacles.
 //!
 //! From the loss and the speed along all paths, `transmission.rs` makes a mask of the scan plane. `propagate.rs` sends
 //! waves through it, `beams.rs` sums them to beams. From the beams, `profiles.rs` makes the weights that `lateral`

@@ -1,7 +1,7 @@
 //! Weights of a scanline's neighbours at each depth plane, from the amplitude of its beam at their positions.
 //!
-//! A beam that nothing bends or hides keeps the lateral kernel of its depth. Otherwise the beam's own amplitude makes
-//! the weights, so that a scanline shows what its beam reaches.
+//! A beam that nothing bends or hides keeps the lateral kernel of its depth. Otherwise the beam's own amplitude gives
+//! the weights, so that a scanline shows the tissue that its beam reaches.
 
 use insonify_core::simd::{at_least, at_most, floor, widened_to_eight};
 use rayon::prelude::*;
@@ -15,15 +15,15 @@ use crate::params::Params;
 pub(in crate::host) const TAPS_MAX: usize = 2 * LATERAL_HALF_MAX as usize + 1;
 /// Number of cells beyond a profile's ends that interpolation reads.
 const OUTSIDE_CELLS: usize = 2;
-/// Index of the axis in a two-sided profile.
+/// Index of the beam axis in a two-sided profile.
 const MIDDLE: usize = OFFSETS_MAX + OUTSIDE_CELLS;
 /// Length of a two-sided profile.
 const AROUND: usize = 2 * MIDDLE + 1;
-/// Number of partial sums, so that every instruction set adds in the same order.
+/// Number of partial sums; fixed, so that every instruction set adds in the same order.
 const SUMS: usize = 8;
 
-/// Blend of one scanline at one plane: factor of the depth's kernel, then the first tap and the end of the extra
-/// weights. Without extra weights both are 0.
+/// Weights of one scanline at one plane: factor of the depth's kernel, first tap and end of the extra weights. First
+/// tap and end are 0 without extra weights.
 pub(in crate::host) type Blend = [f32; 3];
 
 /// Outputs of the pass.
@@ -97,7 +97,7 @@ impl Positions {
         {
             let offset = (tap as f32 - half as f32) * spacing;
             let low = floor(offset);
-            // Positions beyond a profile are beyond its reach.
+            // Positions outside the profile lie outside the beam's reach.
             *start = (low + MIDDLE as i32 - 1).clamp(0, AROUND as i32 - 4) as u16;
             *spline = catmull_rom(offset - low as f32);
         }
@@ -207,11 +207,11 @@ impl PlaneBeams<'_> {
     }
 }
 
-/// Comparison of weights with others.
+/// Comparison of two sets of weights, `weights` and `others`.
 struct Similarity {
-    /// Sum of the weights' squares.
+    /// Sum of squares of `weights`.
     power: f32,
-    /// Sum of the products of both weights.
+    /// Sum of the products of `weights` and `others`.
     shared: f32,
     greatest: f32,
 }

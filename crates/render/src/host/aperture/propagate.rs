@@ -18,7 +18,7 @@ pub(in crate::host) const FIELDS: usize = 2 * LANES * LANES;
 #[derive(Debug, Clone)]
 pub(in crate::host) struct Propagation {
     roots: Roots,
-    /// The aperture tables' `steps` in that order [planes × cells].
+    /// The aperture tables' `steps` in bit-reversed order [planes × cells].
     steps: Vec<[f32; 2]>,
 }
 
@@ -62,7 +62,7 @@ pub(in crate::host) fn propagate(
     }
     let (cells, of_group) = (tables.sampling.cells, LANES * tables.planes * 2 * tables.sampling.cells);
     let groups = tables.modes.len() / LANES;
-    // The first groups of modes go on to the last plane, others may not: a task has one of each.
+    // Groups at the start reach the last plane, groups at the end may stop earlier. A task takes one of each.
     let (fields, last_fields) = fields.split_at_mut(groups.div_ceil(2) * of_group);
     let (work, last_work) = work.split_at_mut(groups.div_ceil(2) * cells);
     let first = fields.par_chunks_exact_mut(of_group).zip(work.par_chunks_exact_mut(cells)).enumerate();
@@ -146,7 +146,7 @@ fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     for (cell, (value, &face)) in work.iter_mut().zip(&tables.face).enumerate() {
         let across = cell as i32 - (tables.sampling.cells / 2) as i32;
         for (lane, mode) in modes.iter().enumerate() {
-            // Whole turns are taken off as integers.
+            // Whole turns are removed in integer arithmetic.
             let turns = mode.map_or(0, |mode| (mode * across).rem_euclid(period)) as f32 / period as f32;
             let [re, im] = phasor(turns);
             let amplitude = if mode.is_some() { face } else { 0.0 };

@@ -23,10 +23,10 @@ pub(in crate::host) type CellMeans = [f32; 2];
 pub(in crate::host) struct Transmission<'a> {
     /// Means, summed up over the batches [cells × planes].
     pub(in crate::host) means: &'a mut [CellMeans],
-    /// Amplitude that each cell passes over the greatest of its row, with the phase of its delay relative to the middle
-    /// cell [planes × cells].
+    /// Complex transmission of each cell: amplitude relative to the greatest of its row, and phase of its delay
+    /// relative to the middle cell [planes × cells].
     pub(in crate::host) mask: &'a mut [[f32; 2]],
-    /// Loss of the best cell of each plane's row, one-way nepers `[planes]`.
+    /// Smallest loss of any cell in each plane, one-way nepers `[planes]`.
     pub(in crate::host) row_np: &'a mut [f32],
 }
 
@@ -105,7 +105,7 @@ fn add_column(params: &Params, inputs: Inputs<'_>, rays: CellRays, column: &mut 
     }
 }
 
-/// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes around.
+/// Delay of a segment, mm per mm of range. 0 in hard media: the aperture's sound goes around them.
 #[inline(always)]
 fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
     let [x, y, z] = segment.step;
@@ -115,8 +115,8 @@ fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
 }
 
 impl Paths<'_> {
-    /// Range minus depth of a path at the boundaries of the intervals, mm. From its first reflection on, it rises like
-    /// that of its scanline's axial path.
+    /// Range minus depth of a path at the boundaries of the intervals, mm. After the first reflection, it rises as on
+    /// the scanline's axial path.
     fn delays(
         &self,
         params: &Params,
@@ -160,8 +160,8 @@ impl Paths<'_> {
         }
     }
 
-    /// Losses of a path up to the boundaries of the intervals, one-way nepers. From its first reflection on, they rise
-    /// like those of its scanline's axial path. What the face does not couple is lost in the first interval.
+    /// Losses of a path up to the boundaries of the intervals, one-way nepers. After the first reflection, they rise as
+    /// on the scanline's axial path. The coupling loss of the face counts in the first interval.
     fn losses(&self, params: &Params, tables: &ApertureTables, layer: u32, line_ray: u32, losses: &mut Boundaries) {
         let (starts, segments) = self.of((layer * params.scanlines * params.rays + line_ray) as usize);
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;

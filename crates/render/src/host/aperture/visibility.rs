@@ -1,8 +1,8 @@
-//! The aperture's gain along each scanline: amplitude that it receives from scatterers at a depth, relative to a medium
-//! without loss.
+//! The aperture's gain along each scanline: amplitude received from scatterers at a depth, relative to a medium without
+//! loss.
 //!
 //! A scanline's position is the fractional index of the depth plane whose gain applies. It follows the scanline's own
-//! loss. Before an obstacle it stays at the plane before it, behind the obstacle at the plane behind, wherever the
+//! loss. The position is the preceding plane ahead of an obstacle, and the following plane behind it, wherever the
 //! obstacle lies in its interval.
 
 use insonify_core::simd::{at_least, at_most, exp, widened};
@@ -129,7 +129,7 @@ fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers
         let node = at_most(at_least(at, 0.0), nodes as f32 - 1.001);
         let low = node as usize;
         let powers = &powers[plane * tables.sampling.cells..][..nodes];
-        // In between, the fourth root follows the edge of a shadow better than the power or its logarithm.
+        // Between beams, the fourth root follows the edge of a shadow better than the power or its logarithm.
         let root = |node: usize| at_least(powers[node], VISIBLE_MIN).sqrt().sqrt();
         let part = node - low as f32;
         let between = root(low) * (1.0 - part) + root(low + 1) * part;

@@ -111,7 +111,7 @@ fn detect_row_body(
         }
         for ((out, sample), &gain) in polar.iter_mut().zip(shaped.as_chunks::<2>().0).zip(gain) {
             let power = sample[0] * sample[0] + sample[1] * sample[1];
-            // The floor is far below any display.
+            // The lower bound of the power is far below any displayed level.
             let level_db = constants.db_a_doubling() * log2(at_least(power, 1.0e-37)) + gain;
             let level = at_most(at_least(1.0 + level_db * per_db, 0.0), 1.0);
             *out = nearest_bits(level * GREY_MAX) & 0xffff;

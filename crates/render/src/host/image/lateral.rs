@@ -12,13 +12,13 @@ use crate::params::Params;
 
 /// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
-/// Partial sums of a sum of squares, so that every instruction set adds in the same order.
+/// Number of partial sums of squares; fixed, so that every instruction set adds in the same order.
 const SUMS: usize = 8;
-/// Least consecutive scanlines per task: they read the same rows.
+/// Least number of consecutive scanlines per task: neighbours read the same rows.
 const LINES_TOGETHER: usize = 8;
 /// Number of weights of the next plane that are prefetched.
 const PREFETCHED: usize = 64;
-/// Extra weights of a plane that has none.
+/// Zero weights, for planes without extra weights.
 static WITHOUT: [f32; TAPS_MAX] = [0.0; TAPS_MAX];
 
 /// Inputs that make the lateral beam of every scanline.
@@ -30,10 +30,10 @@ pub(in crate::host) struct LateralBeam<'a> {
     /// The aperture's gain, and the position among the depth planes, of each block [scanlines × blocks]; empty without
     /// the aperture.
     pub(in crate::host) gains: &'a [BlockGain],
-    /// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain [scanlines × blocks].
+    /// Scatterers' amplitude on reflected paths relative to that with the aperture's gain [scanlines × blocks].
     pub(in crate::host) reflected: &'a [f32],
-    /// Extra weights [planes × scanlines × (2·lateral_half + 1)] from the pass `profiles`; empty without the aperture,
-    /// as `blends`.
+    /// Extra weights [planes × scanlines × (2·lateral_half + 1)] from the pass `profiles`. Without the aperture,
+    /// `weights` and `blends` are empty.
     pub(in crate::host) weights: &'a [f32],
     pub(in crate::host) blends: &'a [Blend],
 }
@@ -43,17 +43,17 @@ pub(in crate::host) struct LateralBeam<'a> {
 /// Kernels of a phased array are wider off its normal. Weights below `least_weight` count as 0.
 ///
 /// Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered frame is
-/// perpendicular to its scanlines: a neighbour's samples are taken deeper or higher, by `params.steer_shift_mm` per
-/// scanline.
+/// perpendicular to its scanlines. So a neighbour's samples are taken deeper or shallower, by `params.steer_shift_mm`
+/// per scanline.
 ///
-/// Beyond the array's ends, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle
-/// later. So powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.
+/// Beyond the array's ends, a beam with an aperture receives a mirror image of the tissue inside, a quarter of a cycle
+/// later. So the powers of tissue and image add. Without the aperture, the weights inside are scaled to the sum of all.
 ///
-/// Echoes of reflected paths don't carry the gain. Where both scanlines hold some, the own gain counts as at least the
-/// weaker scanline's amplitude by reflections.
+/// Echoes of reflected paths are not scaled by the gain. If two scanlines both have reflected echoes, the own gain
+/// counts as at least the smaller of the two reflected amplitudes.
 ///
-/// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes. The first is the aperture's
-/// gain, or the amplitude by reflections if that is greater; the second is the latter alone.
+/// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes: first the greater of the
+/// aperture's gain and the reflected amplitude, then the reflected amplitude alone.
 pub(in crate::host) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
@@ -84,7 +84,7 @@ struct Weights {
     taps: [f32; TAPS_MAX],
     first: usize,
     end: usize,
-    /// Level of speckle with these weights, over that with the depth's kernel.
+    /// Amplitude of speckle with these weights, relative to the depth's kernel.
     level: f32,
 }
 

@@ -306,8 +306,8 @@ fn sum_np(word: u32) -> f32 {
     f32::from_bits((word & 0xffff_fe00) >> 1)
 }
 
-/// Σμ and tissue between two depths of a map ray. If they lie in different tissues, Σμ at both depths tells where the
-/// boundary between them is.
+/// Σμ and tissue between two depths of a map ray. If the depths lie in different tissues, their Σμ gives the position
+/// of the boundary.
 fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_mm: f32) -> (f32, u32) {
     let step_mm = params.map_step_mm;
     let (sum0, sum1) = (sum_np(before), sum_np(after));
@@ -316,7 +316,7 @@ fn section_at(params: &Params, maps: &Maps<'_>, before: u32, after: u32, beyond_
     }
     let rate = |word: u32| maps.rates_np_mm[(word & 255) as usize];
     let contrast = rate(before) - rate(after);
-    // If both attenuate alike, the boundary is unknown: halfway, it is within half a pixel.
+    // If both tissues attenuate alike, the boundary is unknown. The midpoint is at most half a pixel off.
     let mut boundary_mm = 0.5 * step_mm;
     if contrast.abs() > CONTRAST_MIN_NP_MM {
         boundary_mm = ((sum1 - sum0 - rate(after) * step_mm) / contrast).max(0.0).min(step_mm);

@@ -142,8 +142,8 @@ fn add_line_body(
 
 impl Interfaces<'_> {
     /// Lists the echoes of a path from segment `first` on. With a `gain`, returns the range of the path's first
-    /// reflection, beyond which the axial path's echoes are added, too. Without a gain or a reflection, returns the
-    /// greatest number.
+    /// reflection, beyond which the axial path's echoes are added, too. Without a gain or a reflection, returns
+    /// `f32::MAX`.
     #[inline(always)]
     fn list(&self, path: usize, first: usize, gain: Option<ApertureGain<'_>>, echoes: &mut Echoes) -> f32 {
         let (starts, segments) = self.paths.of(path);

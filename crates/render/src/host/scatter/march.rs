@@ -38,10 +38,10 @@ pub(in crate::host) struct Scatterers<'a> {
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Marched<'a> {
-    /// Complex [scanlines × row_samples]. The first batch clears it, the last one adds the scatterers.
+    /// Complex baseband [scanlines × row_samples]. The first batch clears it, the last batch adds the scatterers.
     pub(in crate::host) baseband: &'a mut [[f32; 2]],
-    /// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain, at the first sample of
-    /// each block [scanlines × blocks]. Filled in with the aperture only.
+    /// Ratio of the scatterers' amplitude on reflected paths to their amplitude with the aperture's gain, at the first
+    /// sample of each block [scanlines × blocks]. Filled in with the aperture only.
     pub(in crate::host) reflected: &'a mut [f32],
     /// Powers summed over the batches so far [scanlines × row_samples]; empty if there is one batch.
     pub(in crate::host) kept: &'a mut [[f32; 3]],
@@ -120,7 +120,7 @@ fn march_row_body(
                 add_kept(&mut total, kept, begins);
             }
             if let (Some(ln_gain), Some(reflected)) = (&ln_gain, reflected.get_mut(block as usize / BLOCK)) {
-                // A power, of which the last batch makes a ratio of amplitudes.
+                // Power of the reflected paths; the last batch turns it into a ratio of amplitudes.
                 *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
                 if ends && *reflected > 0.0 {
                     let by_aperture = power_with_gain(seek(params, paths, axial_path, block).1, ln_gain[0]);
@@ -180,7 +180,7 @@ fn echo(
     power: &Power,
     sums: &mut [Lanes; 2],
 ) {
-    // Nothing echoes in media without scatterers and in full shadow.
+    // Media without scatterers and samples in full shadow return no echo.
     if power[2].iter().all(|&power| power == 0.0) {
         return;
     }
@@ -225,7 +225,7 @@ fn texture_gains(
     }
     let mut gains = [1.0; POSITIONS];
     for (i, &number) in numbers.iter().enumerate() {
-        // Each tissue once: most runs of samples have one or two.
+        // Each tissue is handled once: most runs of samples have one or two.
         if numbers[..i].contains(&number) {
             continue;
         }

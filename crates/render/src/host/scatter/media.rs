@@ -6,13 +6,13 @@ use crate::host::constants::DENSITY_ONE;
 use crate::host::paths::{BLOCK, CHUNK, Lanes};
 use crate::segment::Segment;
 
-/// Power of scatterers at the samples of a block: of their mean amplitude, of its deviation, and the sum of both times
-/// the density.
+/// Power of the scatterers at the samples of a block: squared mean amplitude, squared deviation, and the sum of both
+/// times the density.
 pub(super) type Power = [Lanes; 3];
 
 /// Number of media that are counted before their power is summed.
 const MEDIA: usize = 16;
-/// Pairs of samples in a block. Two samples share a segment.
+/// Pairs of samples in a block. Both samples of a pair share a segment.
 const BLOCK_PAIRS: usize = BLOCK / 2;
 /// Pairs of samples in a chunk.
 const PAIRS: usize = CHUNK * BLOCK_PAIRS;
@@ -22,7 +22,7 @@ const PAIRS: usize = CHUNK * BLOCK_PAIRS;
 struct Medium {
     mean: f32,
     deviation: f32,
-    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    /// Fraction of the lattice's cells that contain a scatterer, in 1/131072.
     density: u32,
 }
 
@@ -131,7 +131,7 @@ pub(super) fn parts(weight: f32, segment: &Segment) -> Option<[f32; 3]> {
 mod tests {
     use super::*;
 
-    /// More media than are counted at once, by paths that overlap.
+    /// Overlapping paths in more media than are counted at once.
     #[test]
     fn counted_paths_have_the_power_of_each_of_them() {
         let segment = |number: usize| {

@@ -26,11 +26,11 @@ pub(super) struct Stretch {
 /// Powers of the scatterers at consecutive blocks of samples, summed over paths.
 #[derive(Debug)]
 pub(super) struct Powers {
-    /// Power by paths whose loss the aperture's gain will replace, without loss or gain.
+    /// Power on paths whose loss the aperture's gain will replace, before loss and gain.
     by_aperture: [Power; CHUNK],
-    /// Counted paths of that kind whose power is not yet in `by_aperture`.
+    /// Counts of such paths whose power is not yet in `by_aperture`.
     media: Media,
-    /// Scaled power by paths with their own loss.
+    /// Scaled power on paths with their own loss.
     traced: [Power; CHUNK],
     /// Whether any path was added to `traced`.
     any_traced: bool,
@@ -50,8 +50,8 @@ impl Powers {
         self.any_traced = false;
     }
 
-    /// Adds a path. With `aperture`, the aperture's gain will replace its loss up to its first reflection. Behind it
-    /// the path has its own loss, and the axial path's power is added, too.
+    /// Adds a path. With `aperture`, the aperture's gain will replace its loss up to its first reflection. After the
+    /// reflection the path has its own loss, and the axial path's power is added, too.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
@@ -144,8 +144,8 @@ impl Powers {
         }
     }
 
-    /// Scaled power at the first sample of a block, by paths with their own loss: with the aperture, by reflected
-    /// paths.
+    /// Scaled power at the first sample of a block on paths with their own loss. With the aperture, these are the
+    /// reflected paths.
     #[inline(always)]
     pub(super) fn reflected(&self, block: usize) -> f32 {
         let [mean, deviation, _] = &self.traced[block];
@@ -153,7 +153,7 @@ impl Powers {
     }
 
     /// Scaled power at the samples of a block. The aperture's gain, given as ln of the two-way amplitude, replaces the
-    /// loss of paths that have not reflected. Without it, all paths have their own loss.
+    /// loss of paths that have not reflected. Without `ln_gain`, all paths have their own loss.
     #[inline(always)]
     pub(super) fn total(&self, block: usize, ln_gain: Option<&Lanes>) -> Power {
         let Some(ln_gain) = ln_gain else { return self.traced[block] };

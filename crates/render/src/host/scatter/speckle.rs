@@ -16,7 +16,7 @@ const VIEW_NUMBERS: usize = 8;
 pub(in crate::host) struct Strength {
     /// Mean and deviation of a scatterer's amplitude.
     amplitude: [Lanes; 2],
-    /// Part of the cells that hold a scatterer, in 1/131072.
+    /// Fraction of the cells that contain a scatterer, in 1/131072.
     density: Lanes,
 }
 
@@ -26,7 +26,7 @@ impl Strength {
     #[inline(always)]
     pub(in crate::host) fn new([mean2, deviation2, dense]: &[Lanes; 3], gains: &Lanes) -> Self {
         let (mut amplitude, mut density) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
-        // Loops: `map` of an array is a call, compiled for any processor.
+        // Plain loops: `map` of an array is a call, compiled without vector instructions.
         for i in 0..BLOCK {
             amplitude[0][i] = gains[i] * mean2[i].sqrt();
             amplitude[1][i] = gains[i] * deviation2[i].sqrt();
@@ -115,7 +115,7 @@ struct Family {
     scatterers: u32,
 }
 
-/// Cells of one sheet where the elevational lines of a block's samples meet it.
+/// Cells in which the elevational lines of a block's samples meet one sheet.
 #[derive(Debug, Clone, Copy, Default)]
 struct Met {
     weight: Lanes,
@@ -128,8 +128,8 @@ struct Met {
 }
 
 impl Met {
-    /// Selects each cell's scatterer whose range is nearest to the sample's. Each scatterer lies in its own quarter;
-    /// two lie in opposite quarters. The last argument is the change of range per cell along both axes, mm.
+    /// Selects, in each cell, the scatterer whose range is nearest to the sample's. Each scatterer lies in its own
+    /// quarter; two lie in opposite quarters. The last argument is the change of range per cell along both axes, mm.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
     fn choose_nearest(
@@ -332,7 +332,7 @@ fn offset(bits: u32, shift: u32) -> f32 {
 #[inline(always)]
 pub(in crate::host) fn deviate(bits: u32) -> [f32; 2] {
     let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
-    // No sum of four reaches the next byte.
+    // The sum of four nibbles fits in a byte.
     let sums = pairs.wrapping_add(pairs >> 8);
     [sums, sums >> 16].map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
 }

@@ -17,16 +17,16 @@ use crate::constants::CROSSINGS_OF_A_PATH;
 use crate::host::constants::TOUCH_MM;
 use crate::host::lanes::RAYS;
 
-/// Steps from crossing to crossing over which candidates hold. A step moves the origin by at most 6·10⁻⁵ mm, and turns
-/// the direction by at most 10⁻⁷.
+/// Greatest number of steps from crossing to crossing for which candidates are valid. A step moves the origin by at
+/// most 6·10⁻⁵ mm, and turns the direction by at most 10⁻⁷.
 const STEPS_MAX: u32 = 64;
-/// Greatest coordinate of a path for which candidates hold, mm.
+/// Greatest coordinate of a path for which candidates are valid, mm.
 const WITHIN_MM: f32 = 512.0;
 
 /// A triangle that a path may cross.
 #[derive(Debug, Clone, Copy, Default)]
 struct Candidate {
-    /// Least and greatest distance from the path's start at which the path may cross it, mm.
+    /// Least and greatest distance from the path's start at which the path may cross the triangle, mm.
     least_mm: f32,
     most_mm: f32,
     triangle: u32,
@@ -35,7 +35,7 @@ struct Candidate {
 /// Progress of a path along its candidates.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Along {
-    /// Distance from its start, mm.
+    /// Distance from the path's start, mm.
     pub(super) travelled_mm: f32,
     /// Steps so far.
     pub(super) steps: u32,
@@ -62,7 +62,7 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    /// Capacity. A path at high quality has about fifty.
+    /// Capacity. A path at high quality has about fifty candidates.
     const MOST: usize = CROSSINGS_OF_A_PATH as usize;
 
     pub(super) fn new() -> Self {
@@ -82,7 +82,7 @@ impl Candidates {
         self.complete_mm = length_mm - 2.0 * DRIFT_MM;
     }
 
-    /// Adds a candidate. Without room, the farthest one is left out.
+    /// Adds a candidate. If the list is full, the farthest candidate is dropped.
     #[inline(always)]
     fn push(&mut self, mut candidate: Candidate) {
         if let Some(slot) = self.list.get_mut(self.count) {
@@ -139,7 +139,7 @@ impl Candidates {
         let mut ahead = list[along.passed..].iter();
         for candidate in &mut ahead {
             if candidate.least_mm - along.travelled_mm > search.reach_mm() + TOUCH_MM {
-                // The path's next search begins here, after those of other paths.
+                // The path's next search begins here, after searches of other paths.
                 prefetch(&tree.triangles[candidate.triangle as usize]);
                 break;
             }
@@ -195,8 +195,8 @@ impl Candidates {
 }
 
 /// Collects the candidates of a packet's rays up to their `length_mm`. Also collects their crossings from t_min to
-/// `near_mm` into `near`, unsorted, and returns the number of these per ray. `None` if one of these crossings lies
-/// within an edge's tolerance, or if they don't fit.
+/// `near_mm` into `near`, unsorted, and returns the number of crossings per ray. `None` if a crossing lies within an
+/// edge's tolerance, or if the crossings exceed the capacity of `near`.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,
@@ -315,7 +315,7 @@ mod tests {
                             assert_eq!(covered.up_to(to), under, "{name}");
                             (crowds, below) = (crowds + usize::from(near > 1), below + under.len());
                         }
-                        // Only an edge decides.
+                        // Candidates are undecided only if a hit is at an edge.
                         None => {
                             let at_edge = |c: &Crossing| {
                                 matches!(hit(&tree.triangles[c.triangle as usize], origin, direction), Hit::AtEdge(_))
@@ -325,7 +325,7 @@ mod tests {
                         }
                     }
                     let Some(first) = over.first() else { break };
-                    // As a path does at each interface.
+                    // Rounds the ray as a path does at each interface.
                     origin += direction * first.t;
                     direction = direction.normalize();
                     along.step(first.t);
@@ -333,7 +333,7 @@ mod tests {
                 }
             }
         }
-        // The packets cover enough of every case, and an edge rarely decides for those off the axes.
+        // The packets cover enough of every case, and hits at edges are rare off the axes.
         let enough = steps > 10_000 && crowds > 1000 && below > 1000 && edges > 100 && edges < steps / 4;
         assert!(enough, "{steps}, {crowds}, {below}, {edges}");
     }

@@ -23,8 +23,8 @@ pub(super) struct Rules {
     pub(super) aperture_mm: f32,
 }
 
-/// Fixed numbers of an axial path instead of random ones: it takes the likelier way at an untilted facet, so chance
-/// doesn't move scatterers. A scanline's only path shares its facets with its axial path.
+/// Fixed numbers that an axial path uses instead of random ones. It takes the likelier way at an untilted facet, so
+/// chance doesn't move scatterers. A scanline's only path shares its facets with its axial path.
 const AXIAL_NUMBERS: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 widened! {
@@ -85,7 +85,7 @@ fn tilt(
     }
 }
 
-/// Ratio of the speeds beyond and before the interface. Exactly 1 for equal ones, as x/x may be rounded.
+/// Ratio of the speeds beyond and before the interface. Exactly 1 for equal speeds: a GPU may round x/x.
 #[inline(always)]
 fn speed_ratio(bending: &[Lanes; 2], i: usize) -> f32 {
     let (here, beyond) = (bending[0][i], bending[1][i]);
@@ -125,7 +125,7 @@ fn transmit_or_reflect(
         let accepted = acceptance(roughness * roughness, arrivals.range_mm[i], aperture_mm);
         let energy = split.energy_reflection;
         let follow = effects.reflections & (energy * accepted >= constants.reflection_followed());
-        // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind it.
+        // With the aperture, an axial path passes every interface, since the aperture reaches the scatterers behind it.
         let passes = effects.aperture & (arrivals.is_axial[i] != 0);
         let reflected = effects.reflections & !passes & ((energy >= 1.0) | (follow & (random[i] < energy)));
         // A rough surface spreads part of the beam beyond the aperture, on the way out and back.

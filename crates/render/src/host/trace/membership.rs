@@ -43,7 +43,7 @@ pub(super) fn film_reach_mm(film_mm: f32, face_depth_mm: f32, down: f32) -> f32 
     if film_mm < 0.0 { 0.0 } else { ((film_mm + GAP_MAX_MM - face_depth_mm) / down.max(0.1)).max(0.0) }
 }
 
-/// Tissue of the highest surface, with [`MOVES`](crate::constants::MOVES) if that moves; `background` outside of all.
+/// Tissue of the highest surface, with [`MOVES`](crate::constants::MOVES) if it moves; `background` outside of all.
 #[inline(always)]
 pub(in crate::host) fn medium_word(surface_words: &[u32], background: u32, inside: &Inside) -> u32 {
     highest(inside).map_or(background, |surface| surface_words[surface as usize])

@@ -63,7 +63,7 @@ impl Outputs<'_> {
 pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
     let Params { axial_paths, scanlines, .. } = *scene.params;
     // With the aperture, an axial path passes every interface. Up to the first reflection of its scanline's only path,
-    // both are the same.
+    // the two paths are the same.
     if axial_paths > 0 && scene.effects.aperture && scene.params.single() {
         let (paths, axial_paths) = out.split_at(scanlines as usize);
         over_cores(scene, follow, 0..paths.paths(), Outputs { paths, axial_paths: Some(axial_paths) })

@@ -11,8 +11,8 @@ use super::traverse::{Ray, Stack, Tree, boxes, intersect, leaf, max, min, prefet
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, bits, fold};
 
-/// Up to this number, rays are tested one by one. At a node each is tested against its eight boxes at once, at a leaf
-/// against every triangle.
+/// Greatest number of rays that are tested one by one. At a node, each ray is tested against the node's eight boxes at
+/// once; at a leaf, against every triangle.
 const FEW_AT_A_NODE: u32 = 4;
 const FEW_AT_A_LEAF: u32 = 2;
 

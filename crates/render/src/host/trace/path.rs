@@ -101,7 +101,7 @@ impl Scene<'_> {
         coincident.iter().max_by_key(order).map_or(0, |c| c.triangle)
     }
 
-    /// Distance behind a path's start that is searched for surfaces that it starts inside, mm.
+    /// Search distance behind a path's start for the surfaces that contain the start, mm.
     #[inline(always)]
     pub(super) fn back_mm(&self) -> f32 {
         self.params.reach_mm * self.constants.reach()
@@ -132,7 +132,7 @@ impl Scene<'_> {
         state.here = self.medium_word(state) & TISSUE_MASK;
         if record.coupling < 1.0 {
             let coupled = record.coupling > 0.0;
-            // Without coupling the path ends, unless apertures nearby may reach what lies below.
+            // Without coupling the path ends, unless the aperture's other parts may reach the tissue below.
             state.open = coupled || self.effects.aperture;
             state.ln_amplitude = 2.0 * if coupled { ln(record.coupling).max(LN_UNCOUPLED) } else { LN_UNCOUPLED };
             state.ln_passed = state.ln_amplitude;
@@ -170,7 +170,7 @@ impl Scene<'_> {
     }
 
     /// Writes the segment that begins at the path's position. Beyond the capacity it replaces the last segment, whose
-    /// stretch then counts as the medium before it.
+    /// range then counts as the medium before it.
     #[inline(always)]
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];

@@ -53,7 +53,7 @@ impl PathRecord {
     pub(super) fn reopen(&mut self, last: &LastSegment) {
         let at = last.count.saturating_sub(1) as usize;
         self.count = last.count;
-        // In a full record, further segments may have replaced it.
+        // In a full record, further segments may have replaced the last one.
         (self.segments[at], self.starts[at], self.echoes[at]) = (last.segment, last.start, last.echo);
     }
 

@@ -8,7 +8,7 @@ use super::path_state::PathState;
 /// Ray and layer of a path.
 #[derive(Debug, Clone, Copy)]
 struct PathNumber {
-    /// Index of the ray in its layer [scanlines × rays]; of an axial path, the index of its scanline.
+    /// Index of the ray in its layer [scanlines × rays]; for an axial path, the index of its scanline.
     line_ray: usize,
     /// Layer of the frame; `None` for an axial path.
     layer: Option<usize>,

@@ -10,12 +10,12 @@ use super::membership::Inside;
 pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
-    /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
-    /// reflected paths miss.
+    /// Whether this is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those
+    /// that reflected paths miss.
     pub(super) is_axial: bool,
     /// Length of the path per mm of depth.
     pub(super) stretch: f32,
-    /// Depth of its start below the apex of the face, mm; negative on a convex face.
+    /// Depth of the path's start below the apex of the face, mm; negative on a convex face.
     pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,

@@ -98,7 +98,7 @@ pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direct
     (at_least(t - error_mm, met.t0 - around_mm), at_most(t + error_mm, met.t0 + around_mm), hit)
 }
 
-/// How a ray meets a triangle.
+/// Outcome of a test of a ray against a triangle.
 pub(super) enum Hit {
     Misses,
     /// At a distance in mm, within the tolerance of an edge.
@@ -107,7 +107,7 @@ pub(super) enum Hit {
     Inside(f32, bool),
 }
 
-/// [`intersection`] that tells hits within the tolerance of an edge from others.
+/// Like [`intersection`], but distinguishes hits within the tolerance of an edge.
 #[inline(always)]
 pub(super) fn hit(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> Hit {
     let met = RayTriangle::new(triangle, origin, direction);

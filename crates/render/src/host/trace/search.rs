@@ -34,7 +34,7 @@ impl Search {
             if crossing.t > self.reach_mm() + TOUCH_MM {
                 return;
             }
-            // Without room in `covered`, it counts as if it changed the medium.
+            // A crossing without room in `covered` counts as if it changed the medium.
             match covered.push(crossing) {
                 None => return,
                 Some(other) => crossing = other,

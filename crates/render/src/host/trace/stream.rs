@@ -14,7 +14,7 @@ use crate::host::lanes::{RAYS, bits};
 struct RaySearch {
     ray: Ray,
     t_min: f32,
-    /// Slack of its box tests, mm.
+    /// Slack of the ray's box tests, mm.
     slack_mm: f32,
     highest: u32,
     found: Search,
@@ -122,7 +122,7 @@ impl RaySearch {
         while self.depth > 0 {
             self.depth -= 1;
             let (near, child) = stack[self.depth];
-            // Children beyond what is found are skipped.
+            // Children beyond the nearest crossing so far are skipped.
             if near <= last + 1.0e-4 {
                 self.child = child;
                 prefetch_child(tree, child);
@@ -153,7 +153,7 @@ mod tests {
         for trial in 0..2000u32 {
             let range = if trial.is_multiple_of(3) { [-40.0, 0.0] } else { [1.0e-3, 70.0] };
             let on = |lane: usize| sample_unit(13, trial, lane as u32, 0, 0) < [0.2, 0.6, 1.0][trial as usize % 3];
-            // Some rays are inside none, some inside one of the six.
+            // Some rays start outside all surfaces, some inside one of the six.
             let highest = |lane: usize| (trial + lane as u32) % 6;
             for lane in (0..RAYS).filter(|&lane| on(lane)) {
                 stream.set(lane, ray(trial, lane as u32, 2.0), range, highest(lane));

@@ -42,7 +42,7 @@ pub(crate) struct Ray {
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) reciprocal: Vec3,
-    /// Index in [`WideNode::bounds`] of the near side of each axis; the far side is the other of `i` and `i + 3`.
+    /// Index in [`WideNode::bounds`] of the near side of each axis, `i` or `i + 3`; the other is the far side.
     near: [usize; 3],
 }
 
@@ -101,8 +101,8 @@ pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bo
     hit.then_some((t, enters))
 }
 
-/// Bit mask of the children that the ray, or one within `aside_mm` of it, meets from `first` to `last`. `near` receives
-/// the entry distances, mm.
+/// Bit mask of the children that the ray, or any ray within `aside_mm` of it, meets from `first` to `last`. `near`
+/// receives the entry distances, mm.
 #[inline(always)]
 pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, aside_mm: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
