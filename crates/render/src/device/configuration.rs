@@ -66,7 +66,7 @@ fn planned(
     }
 }
 
-/// Makes read-back slots of a shape; those of `previous` are reused if they have it.
+/// Makes read-back slots of a shape; slots of `previous` are reused if their shape is the same.
 fn slots(
     gpu: &Gpu,
     shape: &Shape,

@@ -139,7 +139,7 @@ fn in_rows(groups: u32) -> [u32; 3] {
     [groups.min(ROW), groups.div_ceil(ROW), 1]
 }
 
-/// Lists the dispatches of a frame with these contents. `b` are its buffers, `a` those of the aperture.
+/// Lists the dispatches of a frame with these contents. `b` are the frame's buffers, `a` the aperture's.
 #[rustfmt::skip]
 fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
     let FrameBuilder { gpu, scene, buffers: b, batches: plan, .. } = *frame;
@@ -206,8 +206,8 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             }
         }
     }
-    // Maps: the media along each map ray, their raster, and the percentile of the attenuation. They don't depend on
-    // paths. Each is inserted after a pass that leaves most of a GPU idle.
+    // Maps: the media along each map ray, their raster, and the percentile of the attenuation. Maps don't depend on
+    // paths. Each map pass is inserted after a pass that leaves most of a GPU idle.
     if contents.maps {
         let apart = gpu.lanes_apart(params.map_rays);
         // On a GPU, neighbouring threads write neighbouring words. In software, a thread writes many words, since each

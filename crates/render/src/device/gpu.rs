@@ -19,13 +19,13 @@ pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
-/// Number of threads over which a frame's searches of the scene are spread; those between are idle. On an H200, frames
-/// of 32 × 3 rays × layers are slower with more threads, and frames of 1 × 1 with fewer.
+/// Number of threads over which a frame's searches of the scene are spread; the threads in between are idle. On an
+/// H200, frames of 32 × 3 rays × layers are slower with more threads, and frames of 1 × 1 with fewer.
 const SPREAD_THREADS: u32 = 1 << 17;
 /// Most threads started for one search: the size of the widest subgroup.
 const LANES_APART_MAX: u32 = 32;
 
-/// Number of paths that keeps a GPU busy: above it, several frames at once gain nothing.
+/// Number of paths that keeps a GPU busy. With more paths, several frames at once gain nothing.
 const FILLING_PATHS: u32 = 1 << 13;
 /// Most frames in one dispatch.
 pub(super) const FRAMES_AT_ONCE_MAX: u32 = 8;
@@ -51,7 +51,7 @@ pub(crate) struct Gpu {
     /// Requested number of frames per dispatch; `None` lets the device choose.
     at_once: Option<u32>,
     submitter: Submitter,
-    /// First error that the device reported outside of a call, or for which it was given up.
+    /// First error that the device reported outside a call, or the reason why it was given up.
     fault: Arc<Mutex<Option<String>>>,
     /// Hang injected by a test; `None` after the device was opened again.
     #[cfg(feature = "test-hooks")]
@@ -314,8 +314,8 @@ impl Gpu {
     }
 
     /// Number of threads to start for each of `threads` searches of the scene: a power of two, 1 in software. Only one
-    /// of them searches. Threads of a subgroup wait for each other's searches, so idle ones between searches save time
-    /// on a GPU.
+    /// of them searches. Threads of a subgroup wait for each other's searches, so idle threads between searches save
+    /// time on a GPU.
     pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
         if self.is_software() {
             return 1;
@@ -323,8 +323,8 @@ impl Gpu {
         1 << (SPREAD_THREADS / threads.max(1)).clamp(1, LANES_APART_MAX).ilog2()
     }
 
-    /// As [`Gpu::lanes_apart`], in paths of [`PATH_LANES`] lanes: for each of `paths` paths, the number of paths to
-    /// start lanes for.
+    /// Like [`Gpu::lanes_apart`], in units of a path's [`PATH_LANES`] lanes: number of units to start for each of
+    /// `paths` paths.
     pub(super) fn paths_apart(&self, paths: u32) -> u32 {
         self.lanes_apart(paths.saturating_mul(PATH_LANES)).min(LANES_APART_MAX / PATH_LANES)
     }

@@ -29,7 +29,7 @@ struct Field {
     unused: [f32; 2],
 }
 
-/// Displacement fields, and the bit set of those whose amounts have changed.
+/// Displacement fields, and a bit set of the fields whose amounts have changed.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 struct Uniforms {

@@ -138,7 +138,7 @@ impl Slot {
         })
     }
 
-    /// Records the copies of one frame from the working buffers: from their `frame`-th part.
+    /// Records the copies of one frame: the `frame`-th part of each working buffer.
     pub(crate) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,

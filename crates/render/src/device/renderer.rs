@@ -36,7 +36,7 @@ struct InFlight {
     recorded: Recorded,
     submission: wgpu::SubmissionIndex,
     times: DeviceTimes,
-    /// Number of passes compiled when it was submitted.
+    /// Number of passes that were compiled when the frame was submitted.
     compiled: usize,
 }
 
@@ -51,7 +51,7 @@ struct DeviceRenderer {
     active: DeviceConfiguration,
     /// Buffers and passes of the active configuration for several frames per dispatch; `None` until needed.
     several: Option<DeviceConfiguration>,
-    /// Whether a dispatch can make only one frame: one keeps the device busy, or memory is short.
+    /// Whether every dispatch makes one frame, since one frame keeps the device busy or memory is short.
     alone: bool,
     /// The configurations that are not active.
     kept: Kept<DeviceConfiguration>,
@@ -213,7 +213,7 @@ impl DeviceRenderer {
     }
 }
 
-/// Uploads the uniforms: batch by batch, those of all frames.
+/// Uploads the uniforms of all frames, batch by batch.
 fn upload_uniforms(gpu: &Gpu, memory: &mut Vec<u8>, device: &DeviceConfiguration, params: &[Params]) {
     let batches = device.batches;
     let stride = PARAMS_STRIDE as usize * device.buffers.frames as usize;

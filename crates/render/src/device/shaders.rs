@@ -33,15 +33,14 @@ macro_rules! shaders {
         impl Shader {
             const ALL: &[Self] = &[$(Self::$shader),*];
 
-            /// Name of the pass, which is also that of its file and of its time in
-            /// [`FrameTimes`](crate::frame::FrameTimes).
+            /// Name of the pass, of its file, and of its time in [`FrameTimes`](crate::frame::FrameTimes).
             pub(super) fn pass(self) -> &'static str {
                 match self {
                     $(Self::$shader => $pass,)*
                 }
             }
 
-            /// Name in errors and labels: that of the pass, and of the variant where a pass has two.
+            /// Name in errors and labels: the pass, and the variant if the pass has two.
             pub(super) fn label(self) -> &'static str {
                 match self {
                     Self::TraceByLanes => "trace by lanes",

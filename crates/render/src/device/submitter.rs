@@ -33,8 +33,8 @@ impl Submitter {
         Ok(Self(sender))
     }
 
-    /// Runs `job` on the thread and returns its result. If it is late, the thread stays blocked by it, and later jobs
-    /// are late, too.
+    /// Runs `job` on the thread and returns its result. A late job keeps the thread blocked, and later jobs are late,
+    /// too.
     ///
     /// # Errors
     /// No result within `limit`.

@@ -28,7 +28,7 @@ const MEASURED_WITHIN: Duration = Duration::from_millis(200);
 const ROUNDS: usize = 3;
 /// Dispatches timed together.
 const DISPATCHES: u32 = 2;
-/// Number of paths that is measured: of a low-quality frame, and of a high-quality one.
+/// Numbers of paths that are measured: a low-quality frame, and a high-quality frame.
 const MEASURED_PATHS: [u32; 2] = [256, 24_832];
 /// Least fraction of paths that must have the same number of segments by threads and by lanes.
 const ALIKE: f64 = 0.99;
@@ -174,7 +174,7 @@ fn measure(
     Ok(Some(TraceTimes { few_ms: [a, b], many_ms: [c, d] }))
 }
 
-/// Whether nearly all of the first `paths` paths have the same number of segments in both.
+/// Whether nearly all of the first `paths` paths have equal numbers of segments in `one` and `other`.
 fn alike(one: &[u32], other: &[u32], paths: usize) -> bool {
     let same = one.iter().zip(other).take(paths).filter(|(a, b)| a == b).count();
     same as f64 >= ALIKE * paths as f64
