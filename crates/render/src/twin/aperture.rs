@@ -21,7 +21,7 @@ pub struct Aperture {
     pub mode_stride: Vec<i32>,
     /// Number of modes, padding included, that take part at each plane `[planes]`.
     pub mode_count: Vec<usize>,
-    /// Mode number in each slot; `None` pads.
+    /// Mode number in each slot; `None` is padding.
     pub modes: Vec<Option<i32>>,
     /// Factor by which each spatial frequency propagates from one plane to the next, divided by the number of cells
     /// [planes × cells].

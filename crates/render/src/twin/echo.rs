@@ -8,8 +8,8 @@ use super::visibility::{ApertureGain, Boundary};
 
 /// Adds each interface's echo to `baseband` [scanlines × samples], at the sample that holds the echo's range.
 ///
-/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. Behind it the
-/// path adds its own echoes, and the axial path's echoes times the gain.
+/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. After the
+/// reflection the path adds its own echoes, and the axial path's echoes times the gain.
 pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut [DVec2]) {
     for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;

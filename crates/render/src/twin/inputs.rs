@@ -51,7 +51,7 @@ pub struct Triangle {
     pub displacement_mm: DVec3,
 }
 
-/// A family of parallel sheets that hold scatterers, as they lie to the slice.
+/// A family of parallel sheets that hold scatterers, relative to the slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SheetFamily {
     /// Unit normal of the sheets, and the two axes of their cells.
@@ -60,7 +60,7 @@ pub struct SheetFamily {
     pub oblique: f64,
     /// Change of the coordinates along the two cell axes per mm along the normal, on an elevational line.
     pub drift: DVec2,
-    /// Weight of its amplitude in the sum over the families; the squares of all weights sum to 1.
+    /// Amplitude weight of the family; the squares of all weights sum to 1.
     pub share: f64,
     /// Added to each sheet's number in its hash.
     pub salt: u32,

@@ -10,12 +10,12 @@ use crate::constants::NEIGHBOUR_GAIN_MAX;
 /// Baseband after the lateral point-spread function [scanlines × samples]: each sample is a weighted sum over
 /// neighbouring scanlines.
 ///
-/// Beyond the array's ends, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle
-/// later. Without the aperture, the weights within are scaled to the sum of all.
+/// Beyond the array's ends, a beam with an aperture receives a mirror image of the tissue inside, a quarter of a cycle
+/// later. Without the aperture, the weights inside are scaled to the sum of all.
 ///
-/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes of reflected paths don't
-/// carry that gain. Where both scanlines hold some, the own gain counts as at least the weaker scanline's amplitude by
-/// reflections.
+/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes of reflected paths are not
+/// scaled by that gain. If two scanlines both have reflected echoes, the own gain counts as at least the smaller of the
+/// two reflected amplitudes.
 ///
 /// `gains` and `reflected` are [scanlines × blocks], `profiles` [planes × scanlines]; all are empty without the
 /// aperture.
@@ -43,7 +43,7 @@ pub fn lateral(
             let power: f64 = taps.iter().map(|(_, weight)| weight * weight).sum();
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
             let scale = if gains.is_empty() {
-                // Level of speckle of the whole kernel, over that of the array's normal.
+                // Speckle amplitude with the whole kernel, relative to the kernel on the array's normal.
                 let level = (whole / unwidened_power).sqrt() / kernel.iter().sum::<f64>();
                 1.0 / (total * level)
             } else {
@@ -101,8 +101,8 @@ fn weights(inputs: &Inputs, kernel: &[f64], line: usize, position: f64, profiles
     kernel.iter().zip(pairs).map(|(kernel, (&of_a, &of_b))| mix(a.kept, b.kept) * kernel + mix(of_a, of_b)).collect()
 }
 
-/// Sample of the scanline `other` on the steered wavefront through `sample`, turned to that one's phase. `lines` is the
-/// number of scanlines from the focused one to `other`.
+/// Sample of the scanline `other` on the steered wavefront through `sample`, turned to the phase of `sample`. `lines`
+/// is the number of scanlines from the focused one to `other`.
 fn steered(inputs: &Inputs, baseband: &[DVec2], other: usize, sample: usize, lines: f64) -> DVec2 {
     let later_mm = lines * inputs.steer_shift_mm;
     let shift = (later_mm / inputs.sample_spacing_mm + 0.5).floor() as isize;

@@ -16,15 +16,15 @@ use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 /// would not converge. Their strength is the mean power of all rays, their density the mean of the media's, weighted by
 /// power. Fully developed speckle has the same statistics with few scatterers as with many.
 ///
-/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. Behind it the
-/// path adds its own power, and the axial path's power times the gain.
+/// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. After the
+/// reflection the path adds its own power, and the axial path's power times the gain.
 pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
 }
 
-/// Scatterers' amplitude by reflected paths, over the amplitude with the aperture's gain, at the first sample of each
-/// block [scanlines × blocks]; empty without the aperture.
+/// Ratio of the scatterers' amplitude on reflected paths to their amplitude with the aperture's gain, at the first
+/// sample of each block [scanlines × blocks]; empty without the aperture.
 pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64> {
     let Some(aperture) = &inputs.aperture else { return Vec::new() };
     let of_block = |line: usize, block: usize| {
@@ -73,7 +73,7 @@ fn own_power(segment: &Segment, range_mm: f64) -> DVec3 {
     loss * scatterer_power(segment)
 }
 
-/// Power of a segment's scatterers without loss: of their mean amplitude, of its deviation, and the sum of both times
+/// Power of a segment's scatterers without loss: squared mean amplitude, squared deviation, and the sum of both times
 /// the density.
 fn scatterer_power(segment: &Segment) -> DVec3 {
     let mean = segment.scatterer_mean.powi(2);
@@ -84,7 +84,7 @@ fn scatterer_power(segment: &Segment) -> DVec3 {
 
 fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, sample: usize) -> DVec2 {
     let range_mm = inputs.range_mm(sample);
-    // Two samples share a segment: that of the first.
+    // Each pair of samples shares the segment of its first sample.
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
     let axial_path = segment_of(inputs.axial_path_of(line));
     let gain = inputs.aperture.as_ref().map(|aperture| {

@@ -18,7 +18,7 @@ pub struct Medium {
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
     pub roughness: f64,
-    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    /// Fraction of the lattice's cells that contain a scatterer, in 1/131072.
     pub scatterer_density: u32,
     /// Number of its texture: index in the list of textures + 1; 0 if it is uniform.
     pub texture: usize,

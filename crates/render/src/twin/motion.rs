@@ -52,11 +52,11 @@ pub struct Child {
     pub low_mm: DVec3,
     /// Maximum corner of its box, mm.
     pub high_mm: DVec3,
-    /// What the box holds.
+    /// Node or triangles inside the box.
     pub below: Below,
 }
 
-/// What a child's box holds.
+/// Content of a child's box.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Below {
     /// Index of a node.

@@ -59,8 +59,8 @@ fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> 
     RasterPoint { sum_np, tissue: if part >= 0.5 { next.tissue } else { one.tissue } }
 }
 
-/// Tissue and Σμ between two depths of a map ray. If they lie in different tissues, Σμ at both depths tells where the
-/// boundary between them is.
+/// Tissue and Σμ between two depths of a map ray. If the depths lie in different tissues, their Σμ gives the position
+/// of the boundary.
 fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoint {
     let step_mm = inputs.map_step_mm;
     let index = ((depth_mm / step_mm) as usize).min(on_ray.len() - 2);
@@ -75,7 +75,7 @@ fn between(inputs: &Inputs, on_ray: &[RasterPoint], depth_mm: f64) -> RasterPoin
     let boundary_mm = if contrast.abs() > CONTRAST_MIN_NP_MM {
         ((after.sum_np - before.sum_np - rate(after) * step_mm) / contrast).clamp(0.0, step_mm)
     } else {
-        // If both attenuate alike, the boundary is unknown: halfway, it is within half a pixel.
+        // If both tissues attenuate alike, the boundary is unknown. The midpoint is at most half a pixel off.
         0.5 * step_mm
     };
     let in_after_mm = (beyond_mm - boundary_mm).max(0.0);

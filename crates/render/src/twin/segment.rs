@@ -19,7 +19,7 @@ pub struct Segment {
     pub scatterer_mean: f64,
     /// Standard deviation of the scatterers' amplitude.
     pub scatterer_deviation: f64,
-    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    /// Fraction of the lattice's cells that contain a scatterer, in 1/131072.
     pub scatterer_density: u32,
     /// Number of the medium's texture; 0 if it is uniform.
     pub texture: usize,

@@ -13,7 +13,7 @@ pub(super) struct Strength {
     pub(super) mean: f64,
     /// Standard deviation of a scatterer's amplitude.
     pub(super) deviation: f64,
-    /// Part of the cells that hold a scatterer, in 1/131072.
+    /// Fraction of the cells that contain a scatterer, in 1/131072.
     pub(super) density: f64,
 }
 

@@ -31,12 +31,12 @@ struct Tracer<'a> {
     layer: usize,
     /// Length of the path per mm of depth.
     stretch: f64,
-    /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
-    /// reflected paths miss.
+    /// Whether this is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those
+    /// that reflected paths miss.
     is_axial: bool,
     inside: Membership,
-    /// Whether the path goes on beyond the film of gel: its start is coupled, or apertures nearby may reach what lies
-    /// below.
+    /// Whether the path goes on beyond the film of gel: its start is coupled, or the aperture's other parts may reach
+    /// the tissue below.
     goes_on: bool,
     ray: Ray,
     range_mm: f64,
@@ -94,7 +94,7 @@ impl<'a> Tracer<'a> {
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = self.goes_on;
         loop {
-            // A segment beyond the capacity replaces the last one, whose stretch then counts as the medium before it.
+            // A segment beyond the capacity replaces the last one, whose range then counts as the medium before it.
             path.segments.truncate(SEGMENTS as usize - 1);
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
             if !open {
@@ -123,7 +123,7 @@ impl<'a> Tracer<'a> {
             // An axial path takes the likelier way, so scatterer positions don't depend on chance.
             let chance = if self.is_axial { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
-            // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind
+            // With the aperture, an axial path passes every interface, since the aperture reaches the scatterers behind
             // it.
             let passes = self.inputs.aperture.is_some() && self.is_axial;
             let reflects = !passes && (total || (follow && chance < split.energy_reflection));

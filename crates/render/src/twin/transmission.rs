@@ -12,10 +12,10 @@ use crate::constants::{DELAY_MIN, HARD_SPEED, TRANSMISSION_MIN};
 /// Transmission of the scan plane.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Transmission {
-    /// Amplitude that each cell passes over the greatest of its row, with the phase of its delay relative to the middle
-    /// cell [planes × cells].
+    /// Complex transmission of each cell: amplitude relative to the greatest of its row, and phase of its delay
+    /// relative to the middle cell [planes × cells].
     pub mask: Vec<DVec2>,
-    /// Loss of the best cell of each plane's row, one-way nepers `[planes]`.
+    /// Smallest loss of any cell in each plane, one-way nepers `[planes]`.
     pub row_np: Vec<f64>,
 }
 
@@ -84,7 +84,7 @@ fn mean_over_rays(
     (0..count).map(weighted).sum::<f64>() / (0..count).map(weight_of).sum::<f64>()
 }
 
-/// Range minus depth of a path at `range_mm`, mm. From its first reflection on, it rises like the axial path's.
+/// Range minus depth of a path at `range_mm`, mm. After the first reflection, it rises as on the axial path.
 fn late_mm(path: &Path, axial_path: &Path, stretch: f64, range_mm: f64) -> f64 {
     let reflection = path.segments.iter().find(|segment| segment.has_reflected);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
@@ -111,8 +111,8 @@ fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
     (0..path.segments.len()).map(gained).sum()
 }
 
-/// Loss of a path from the face to a range, one-way nepers. From its first reflection on, it rises like the axial
-/// path's. The loss of an uncoupled face falls in the first depth interval.
+/// Loss of a path from the face to a range, one-way nepers. After the first reflection, it rises as on the axial path.
+/// The coupling loss of the face counts in the first depth interval.
 fn loss_np(path: &Path, axial_path: &Path, range_mm: f64) -> f64 {
     if range_mm == 0.0 {
         return 0.0;

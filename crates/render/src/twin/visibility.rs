@@ -1,5 +1,5 @@
-//! The aperture's gain along each scanline: amplitude that it receives from scatterers at a depth, relative to a medium
-//! without loss.
+//! The aperture's gain along each scanline: amplitude received from scatterers at a depth, relative to a medium without
+//! loss.
 
 use super::aperture::Aperture;
 use super::inputs::Inputs;
@@ -123,7 +123,7 @@ impl<'a> ApertureGain<'a> {
         Self { aperture, row: &boundaries[line * count..][..count] }
     }
 
-    /// ln of the two-way amplitude of scatterers at a range, up to which the axial path's loss is `loss_np`, one-way
+    /// ln of the two-way gain of scatterers at a range. `loss_np` is the axial path's loss up to that range, one-way
     /// nepers.
     pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
         let interval = self.interval(range_mm);
@@ -131,7 +131,7 @@ impl<'a> ApertureGain<'a> {
         self.gain(self.position(interval, range_mm, lost, self.row[interval].position)) - self.shared(interval, lost)
     }
 
-    /// [`ApertureGain::at`] as amplitude, without the loss that all scanlines share, and its position among the planes.
+    /// [`ApertureGain::at`] as amplitude, without the loss that all scanlines share; and the fractional plane index.
     fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
@@ -143,7 +143,7 @@ impl<'a> ApertureGain<'a> {
         ((range_mm / self.aperture.plane_mm) as usize).min(self.aperture.planes - 1)
     }
 
-    /// Losses within an interval, one-way nepers: the one that all scanlines share, and the scanline's own.
+    /// Losses within an interval, one-way nepers: the loss that all scanlines share, and the scanline's own loss.
     fn losses(&self, interval: usize) -> (f64, f64) {
         let [a, b] = [self.row[interval], self.row[interval + 1]];
         let row_np = b.shared_np - a.shared_np;
@@ -202,7 +202,7 @@ impl<'a> ApertureGain<'a> {
         }
         let rise_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np;
         let lost = self.lost(interval, range_mm, rise_np);
-        // Plane `interval` lies before obstacles that are not crossed yet: only the path's own loss leads beyond it.
+        // Plane `interval` precedes obstacles that the path has not crossed. Only its own loss leads past that plane.
         let own_np = (rise_np - self.losses(interval).0 * lost).max(0.0);
         let furthest = (interval as f64 + own_np / (own_np + TRACKED_NP)).max(start);
         self.gain(self.position(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)
