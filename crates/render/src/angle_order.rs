@@ -15,7 +15,7 @@ pub(super) const ACROSS_SIGMA_MM: f64 = 1.2;
 /// Largest distance across the slice at which registered pictures are averaged, mm: farther ones weigh next to nothing.
 const ACROSS_MM: f64 = 2.0 * ACROSS_SIGMA_MM;
 /// Largest motion within the slice between registered pictures, as a multiple of `look.reach_mm`. Registration moves
-/// pictures to the present pose, but a steered picture doesn't show what has just come into the sector.
+/// pictures to the present pose, but a steered picture doesn't show tissue that has just entered the sector.
 const WITHIN: f64 = 3.0;
 
 /// Pose at which a picture was made, and its contact.
@@ -30,7 +30,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// `depth_mm` is the depth of the image.
+    /// Position of a picture made at `pose`. `depth_mm` is the depth of the image.
     pub(super) fn new(pose: Pose, depth_mm: f64, coupled: bool) -> Self {
         Self { pose, deep_mm: pose.position_mm + depth_mm * pose.transform_vector(DVec3::Z), coupled }
     }
@@ -59,7 +59,7 @@ impl Place {
 pub(super) struct Rules {
     /// Whether pictures are resampled at the present pose before they are averaged.
     pub(super) registration: bool,
-    /// Largest displacement of an included picture, mm; with registration, of its part across the slice.
+    /// Largest displacement of an included picture, mm; with registration, only the part across the slice counts.
     pub(super) reach_mm: f64,
 }
 
@@ -88,7 +88,7 @@ impl Rules {
 /// Chooses the steering angle of each live frame.
 #[derive(Debug, Default)]
 pub(super) struct AngleOrder {
-    /// For each angle, the number of the latest frame that was given it, counted from 1; 0 if none was.
+    /// For each angle, the number of the latest frame that rendered it, counted from 1; 0 if none did.
     asked: Vec<u64>,
     frames: u64,
     last: Option<Place>,

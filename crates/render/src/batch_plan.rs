@@ -7,8 +7,8 @@ use super::segment::Segment;
 /// Least size of the segment buffer, bytes: within the 128 MiB that every device can bind.
 pub(crate) const SEGMENT_BYTES_LEAST: u64 = 96 << 20;
 
-/// Split of a frame's paths into batches: by layers, and a layer that is too large by scanlines. Every batch also holds
-/// the axial paths of all scanlines.
+/// Split of a frame's paths into batches of layers; a layer that is too large is split by scanlines. Every batch also
+/// holds the axial paths of all scanlines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BatchPlan {
     layers_per_batch: u32,

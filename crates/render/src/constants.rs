@@ -73,7 +73,7 @@ pub(crate) const OFF_THE_GRID_MM: f64 = 0.0077;
 /// Most echoes of a scanline at one surface that add in power. The beam covers about as many lattice cells, and echoes
 /// of one cell are in phase: more paths add in amplitude.
 pub(crate) const CELLS_OF_A_BEAM: f64 = 96.0;
-/// Factor of the surface's index in the hash of that lattice.
+/// Factor of the surface's index in the hash that shifts interface echoes.
 pub(crate) const SURFACE_SALT: u32 = 7919;
 /// Scales the sum of four random nibbles, less its mean of 30, to a mean square of ½.
 pub(crate) const DEVIATE_SCALE: f64 = 0.07669649888;
@@ -123,7 +123,7 @@ pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
 /// Largest ratio of a scanline's aperture gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of
 /// reflected paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
-/// Largest ratio of the amplitude that came by reflections to the amplitude that the aperture sees.
+/// Largest ratio of the scatterers' amplitude on reflected paths to their amplitude with the aperture's gain.
 pub(crate) const REFLECTED_MAX: f64 = 1.0e7;
 /// Least fraction of a phased array's aperture, projected on the scanline: the cosine of 78°.
 pub(crate) const PROJECTION_MIN: f64 = 0.2;

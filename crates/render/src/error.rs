@@ -41,7 +41,7 @@ pub enum BackendError {
     NoLanes {
         /// Name of the adapter.
         adapter: String,
-        /// What the device lacks for it.
+        /// Capability that the device lacks.
         reason: String,
     },
     /// The settings need more than a limit of the device.

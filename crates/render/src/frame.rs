@@ -34,7 +34,7 @@ pub struct FrameTimes {
     pub total_ms: f64,
     /// Duration of moving the scene before the submission, ms, not part of `total_ms`; 0 for a scene at rest.
     pub motion_ms: f64,
-    /// Duration of each pass, summed over its dispatches, in the order of their first ones; empty on a device without
+    /// Duration of each pass, summed over its dispatches, in the order of first dispatch; empty on a device without
     /// timestamps. On a GPU, passes of the maps overlap passes of the paths.
     pub passes: Vec<PassTime>,
     /// CPU time within `total_ms`; `None` for frames of the host renderer.

@@ -18,7 +18,7 @@ pub struct FrameQuality {
     /// shows the mean of the latest ones.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub angles: u32,
-    /// Whether shadows are those of the whole aperture; if false, each path has its own.
+    /// Whether obstacles shadow the aperture as a whole; if false, they shadow each path alone.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub aperture: bool,
 }

@@ -1,5 +1,5 @@
-//! The point-spread function as kernels: the lateral beam at each depth, the pulse, and a scatterer gain that makes up
-//! for both.
+//! The point-spread function as kernels: the lateral beam at each depth, the pulse, and a scatterer gain that
+//! compensates for both.
 
 use std::fmt;
 
@@ -31,9 +31,9 @@ pub(crate) enum Kernel {
 pub(crate) struct ClippedKernel {
     /// Which kernel was cut.
     pub(crate) kernel: Kernel,
-    /// Half width that it needs at its widest, scanlines or samples.
+    /// Half width that the kernel needs at its widest, scanlines or samples.
     pub(crate) wanted: u32,
-    /// Half width that is left, scanlines or samples.
+    /// Half width after the cut, scanlines or samples.
     pub(crate) kept: u32,
     /// Smallest and largest depth at which it is cut, mm.
     pub(crate) depths_mm: [f64; 2],

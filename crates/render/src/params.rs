@@ -67,9 +67,9 @@ impl SheetFamily {
 /// Indices of the tissues outside all surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Outside {
-    /// Conducts between the face and the body; fills all of the outside if contact is not simulated.
+    /// Tissue that conducts between the face and the body; fills all of the outside if contact is not simulated.
     pub(crate) background: u32,
-    /// Around the body.
+    /// Air around the body.
     pub(crate) air: u32,
 }
 
@@ -232,7 +232,7 @@ impl Params {
         self.angle_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
     }
 
-    /// Elevational offsets of this angle's paths: its part of `elevations`, which holds those of all angles.
+    /// Elevational offsets of this angle's paths, a part of the table of all angles.
     pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
         let count = (self.layers * self.rays) as usize;
         let angle = (self.angle_words / self.sector_words.max(1)) as usize;

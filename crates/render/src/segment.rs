@@ -6,8 +6,8 @@ use crate::constants::{HAS_REFLECTED, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
 ///
-/// The fields are those of [`twin::Segment`](crate::twin::Segment). The range of its start and its echo have buffers of
-/// their own.
+/// The fields are those of [`twin::Segment`](crate::twin::Segment), except the start range and the echo, which have
+/// buffers of their own.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Segment {
@@ -21,7 +21,7 @@ pub(crate) struct Segment {
     pub(crate) fall_np_mm: f32,
     /// Mean amplitude of the medium's scatterers.
     pub(crate) scatterer_mean: f32,
-    /// Standard deviation of that amplitude.
+    /// Standard deviation of the scatterers' amplitude.
     pub(crate) scatterer_deviation: f32,
     /// Scatterer density, texture number, [`HAS_REFLECTED`] and [`TAG`](crate::constants::TAG) in one word.
     pub(crate) scatterers: u32,
@@ -31,7 +31,7 @@ pub(crate) struct Segment {
 }
 
 impl Segment {
-    /// Fraction of the lattice's cells that hold a scatterer, in 1/131072.
+    /// Fraction of the lattice's cells that contain a scatterer, in 1/131072.
     #[inline(always)]
     pub(crate) const fn scatterer_density(&self) -> u32 {
         self.scatterers & TAG_DENSITY

@@ -18,12 +18,12 @@ const DRAWS: u32 = 20_000;
 
 /// Square cells into which the scatterer sheets are divided.
 ///
-/// A scanline sees the cells that it crosses. If cells were narrower than the spacing of scanlines, the scanlines of
-/// another steering angle would cross other cells. Frames of two angles would then be far less alike than waves make
-/// them. So on probes that steer, cells are as wide as the spacing.
+/// A scanline meets the scatterers of the cells that it crosses. If cells were narrower than the spacing of scanlines,
+/// the scanlines of another steering angle would cross other cells. Speckle of two angles would then be less correlated
+/// than in reality. So on probes that steer, cells are as wide as the spacing.
 ///
 /// To keep speckle grains short along the scanline, a wide cell has several scatterers, each in its own quarter. A
-/// sample takes the one whose range is nearest.
+/// sample takes the scatterer whose range is nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SheetCells {
     /// Side, mm.
@@ -62,7 +62,8 @@ fn drawn(scatterers: u32) -> Vec<f64> {
     (0..=STEPS).map(|step| drawn_at(scatterers, DISTANCE_MAX * f64::from(step) / f64::from(STEPS))).collect()
 }
 
-/// Estimates that probability at one distance, in sides of a cell, from random cells, points and directions.
+/// Estimates [`SheetCells::chance_of_same_nearest`] at one distance, in sides of a cell, from random cells, points and
+/// directions.
 fn drawn_at(scatterers: u32, distance: f64) -> f64 {
     let [mut both, mut same] = [0u32; 2];
     for draw in 0..DRAWS {

@@ -100,7 +100,7 @@ impl Sheets {
     }
 }
 
-/// Y at each depth, mm: its weights' autocorrelation comes nearest to that of the lens's speckle.
+/// Y at each depth, mm: the weights' autocorrelation then comes nearest to that of the lens's speckle.
 fn reaches_mm(probe: &Probe, depths_mm: &[f64]) -> Vec<f64> {
     let lens = probe.elevational_lens();
     let scale_mm = lens.scale_mm();

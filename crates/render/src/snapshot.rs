@@ -23,14 +23,14 @@ pub(super) struct PassBuffers {
     pub(super) echoes: Vec<[f32; 2]>,
     pub(super) segment_counts: Vec<u32>,
     pub(super) hints: Vec<u32>,
-    /// `transmission`: relative transmission of each cell [planes × cells], and the loss of each plane's best cell.
+    /// `transmission`: complex transmission of each cell [planes × cells], and each plane's smallest loss of any cell.
     pub(super) mask: Vec<[f32; 2]>,
     pub(super) row_np: Vec<f32>,
     /// `propagate`: fields, and the first plane that they include.
     pub(super) fields: Vec<f32>,
     pub(super) first_plane: u32,
-    /// `beams`: two-way amplitudes [planes × beams × cells] from `first_plane` on; `profiles`: echo powers [planes ×
-    /// cells].
+    /// Two-way amplitudes [planes × beams × cells] from `first_plane` on, and echo powers [planes × cells]: outputs of
+    /// `beams`. On a device, the powers come from `profiles`.
     pub(super) amplitudes: Vec<f32>,
     pub(super) beam_powers: Vec<f32>,
     /// `profiles`: weights [planes × scanlines × taps]; kept part of the depth's kernel, first tap and end [planes ×
@@ -41,7 +41,7 @@ pub(super) struct PassBuffers {
     pub(super) line_gains: Vec<Boundary>,
     /// `visibility`: gain and position of each block [scanlines × blocks].
     pub(super) block_gains: Vec<[f32; 2]>,
-    /// `march`: amplitude of reflections over that of the aperture [scanlines × blocks].
+    /// `march`: amplitude on reflected paths over amplitude with the aperture's gain [scanlines × blocks].
     pub(super) reflected: Vec<f32>,
     /// Baseband before and after `echo` adds the interfaces.
     pub(super) scattered: Vec<[f32; 2]>,
@@ -90,8 +90,8 @@ pub struct Snapshot {
     /// `beams`: two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Valid from
     /// `first_plane` on.
     pub amplitudes: Vec<f64>,
-    /// `profiles`: echo power of the beam at each node [planes × cells]; each row has values only in its first
-    /// elements.
+    /// Echo power of the beam at each node [planes × cells], from `beams` on the host and `profiles` on a device. Only
+    /// the first elements of each row have values.
     pub beam_powers: Vec<f64>,
     /// `profiles`: weights of neighbouring scanlines [planes × scanlines].
     pub profiles: Vec<Profile>,
@@ -99,8 +99,8 @@ pub struct Snapshot {
     pub line_gains: Vec<twin::Boundary>,
     /// `visibility`: gain of each block, and its position among the depth planes [scanlines × blocks].
     pub block_gains: Vec<BlockGain>,
-    /// `march`: ratio of the amplitude that came by reflections to the amplitude that the aperture sees, at the first
-    /// sample of each block [scanlines × blocks].
+    /// `march`: ratio of the scatterers' amplitude on reflected paths to their amplitude with the aperture's gain, at
+    /// the first sample of each block [scanlines × blocks].
     pub reflected: Vec<f64>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,

@@ -120,8 +120,8 @@ pub(crate) struct Tables {
     pub(crate) pixels: Arc<[u32]>,
     /// Indices of the image's words of four pixels that overlap the sector, in the order of tiles.
     pub(crate) sector_words: Arc<[u32]>,
-    /// Steering angles in the order in which they are rendered, the straight one last. Without compounding, the
-    /// straight one alone.
+    /// Steering angles in the order in which they are rendered, the straight angle last. Without compounding, there is
+    /// only the straight angle.
     pub(crate) angles: Vec<SteeredAngle>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
@@ -144,7 +144,7 @@ impl MadeFor {
         Self { probe: *probe, settings, effects }
     }
 
-    /// Whether both have the same scanlines and pixels. They don't depend on the focus.
+    /// Whether both have the same scanlines and pixels, which don't depend on the focus.
     fn has_pixels_of(&self, other: &Self) -> bool {
         let image = |made: &Self| (made.settings.image.width, made.settings.image.height);
         let probe = |made: &Self| Probe { focus_mm: 0.0, ..made.probe };

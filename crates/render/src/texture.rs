@@ -16,7 +16,7 @@ use insonify_core::random;
 pub(crate) const WAVES: usize = 16;
 /// Variance of a wave. Its value is 1 − 2u²(3 − 2u) at the distance u/2 from its crest, in turns.
 pub(crate) const WAVE_VARIANCE: f64 = 0.485_714_285_714;
-/// Septa are exp(−(g/w)²), where g is a Gaussian random field of variance 1; this is w.
+/// Parameter w of septa, exp(−(g/w)²), where g is a Gaussian random field of variance 1.
 pub(crate) const SEPTUM_WIDTH: f64 = 0.35;
 /// Nepers of a decibel.
 const NP_PER_DB: f64 = std::f64::consts::LN_10 / 20.0;

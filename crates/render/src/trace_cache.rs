@@ -48,7 +48,7 @@ fn path(cache: &Path, key: [&str; 3]) -> PathBuf {
     cache.join(format!("trace-{}.json", files::hex(&sum[..8])))
 }
 
-/// Writes a new file in place of the old one, so that other processes never read a part.
+/// Replaces the file as a whole, so that other processes never read a part of it.
 fn write(cache: &Path, path: &Path, entry: &Entry) -> io::Result<()> {
     std::fs::create_dir_all(cache)?;
     let mut file = tempfile::NamedTempFile::new_in(cache)?;

@@ -26,7 +26,7 @@ impl Beams {
     }
 }
 
-/// Weight of each mode in the beam of an aperture focused at a depth. Their squared magnitudes sum to 1.
+/// Weight of each mode in the beam of an aperture focused at a depth. The weights' squared magnitudes sum to 1.
 fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Complex64> {
     let k = grid.wave_number;
     let steepest = grid.shape.slope(0.5 * aperture_mm, focus_mm) + SLOPE_MARGIN;
@@ -42,7 +42,7 @@ fn beam(probe: &Probe, grid: &Grid, aperture_mm: f64, focus_mm: f64) -> Vec<Comp
         .collect();
     let part = |mode: &Option<i32>| {
         let q = mode.map(|mode| grid.mode_wave_number(mode)).filter(|q| q.abs() <= k * steepest)?;
-        // e^(−iqa) of the element at position a, turned from that of the element before.
+        // e^(−iqa) of the element at position a, rotated from the previous element's.
         let mut turn = Complex64::from_polar(1.0, -q * place(0));
         let step = Complex64::from_polar(1.0, -q * aperture_mm / elements as f64);
         let mut sum = Complex64::ZERO;

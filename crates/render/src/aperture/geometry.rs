@@ -22,7 +22,7 @@ impl Face {
         (depth_mm * depth_mm + 4.0 * self.radius_mm * (self.radius_mm + depth_mm) * half_sin * half_sin).sqrt()
     }
 
-    /// Sine of that ray's angle with the face's normal at its start: its wave number along the face over the whole one.
+    /// Sine of the angle between that ray and the face's normal: wave number along the face over the whole one.
     pub(super) fn slope(self, across_mm: f64, depth_mm: f64) -> f64 {
         let distance_mm = self.distance_mm(across_mm, depth_mm).max(1e-9);
         if self.radius_mm.is_infinite() {

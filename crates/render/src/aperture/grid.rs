@@ -15,7 +15,7 @@ pub(crate) const MODE_LANES: usize = 8;
 pub(crate) const BEAMS_MAX: usize = 256;
 /// Fewest cells in a period.
 const CELLS_MIN: usize = 64;
-/// Grids of 2ⁿ periods are tried, for n from 0 to before this number.
+/// Grids of 2ⁿ periods are tried, for each n below this number.
 const PERIODS_LOG2_END: u32 = 8;
 /// Longest beam profile: one value per cell, from the axis to half a period.
 pub(crate) const OFFSETS_MAX: usize = BEAMS_MAX;
@@ -83,7 +83,7 @@ impl Grid {
         let width_mm = 2.0 * probe.half_extent() * if curved { radius_mm } else { 1.0 };
         let wave_number = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz);
 
-        // The period is the distance of a beam from its copies, which must lie outside the aperture and the reach.
+        // The period is the distance between a beam's copies. The copies must lie outside the aperture and the reach.
         let reach_mm = (REACH_PER_DEPTH * probe.depth_mm).clamp(REACH_MM[0], REACH_MM[1]);
         // A curved face spreads the copies with depth.
         let period_min_mm = match curved {
@@ -151,7 +151,7 @@ impl Grid {
         (self.reach_mm / self.shape.spread(self.depth_mm(plane)) / self.cell_mm).min(half_period)
     }
 
-    /// Factor by which each spatial frequency propagates from the plane before (first, from the face) to each plane
+    /// Factor by which each spatial frequency propagates from the previous plane, or from the face, to each plane
     /// [planes × cells]; 0 for evanescent waves.
     pub(super) fn steps(&self) -> Vec<Complex64> {
         let mut steps = Vec::with_capacity(self.planes * self.sampling.cells);
@@ -262,8 +262,8 @@ fn planes(probe: &Probe) -> (u32, usize) {
     (rounded, probe.samples.div_ceil(rounded) as usize)
 }
 
-/// Mode numbers from −`highest` to `highest`, padded to whole groups, and the number of those that go on to the last
-/// plane. With `halving`, even modes come first, and only they go on.
+/// Mode numbers from −`highest` to `highest`, padded to whole groups, and the number of modes that reach the last
+/// plane. With `halving`, even modes come first, and only even modes reach it.
 fn ordered(highest: i32, halving: bool) -> (Vec<Option<i32>>, usize) {
     let group = |stride: i32, first: i32| {
         let numbers = (-highest..=highest).filter(|m| (m - first).rem_euclid(stride) == 0).map(Some);

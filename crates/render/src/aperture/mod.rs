@@ -37,7 +37,7 @@ pub(crate) struct ApertureTables {
     pub(crate) planes: usize,
     pub(crate) plane_samples: u32,
     pub(crate) plane_mm: f32,
-    /// Mode number in each slot; if odd modes end at a depth, even ones come first. `None` pads to whole groups of
+    /// Mode number in each slot. Even modes come first if odd modes end at a depth. `None` pads to whole groups of
     /// [`MODE_LANES`].
     pub(crate) modes: Vec<Option<i32>>,
     /// Factor by which each spatial frequency propagates from one plane to the next, divided by the number of cells
@@ -125,7 +125,7 @@ impl ApertureTables {
         (sample.min(samples - 1) / DEPTH_BLOCK) as usize
     }
 
-    /// Number of scanlines to either side of one that its beam may reach.
+    /// Number of scanlines to either side of a scanline that its beam may reach.
     pub(crate) fn reach_lines(&self) -> u32 {
         let furthest = self.reach_cells.iter().copied().fold(0.0, f32::max);
         (furthest / self.line_spacing_cells.max(1.0e-6)).ceil() as u32

@@ -8,14 +8,14 @@ pub(crate) struct Sampling {
     pub(crate) cells: usize,
     /// Number of beams in a period of the modes, a power of two.
     pub(crate) beams: usize,
-    /// Cells from one node to the next at the first planes, a power of two. From plane `halves_at` on it is half of
-    /// that.
+    /// Cells from one node to the next at the first planes, a power of two. From plane `halves_at` on, nodes are half
+    /// as far apart.
     pub(crate) node_cells: usize,
     /// Index of the first plane without the odd modes; the number of planes if all have them.
     pub(crate) halves_at: usize,
     /// Number of modes, padding included.
     pub(crate) modes: usize,
-    /// Number of modes, padding included, that go on at `halves_at`: the even ones, or all if none end.
+    /// Number of modes, padding included, that continue from `halves_at` on: even modes, or all modes if none end.
     pub(crate) lasting_modes: usize,
 }
 

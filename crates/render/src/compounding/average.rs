@@ -10,10 +10,10 @@ use crate::angle_order::ACROSS_SIGMA_MM;
 const SEGMENT: usize = 64 * BLOCK;
 /// Displacements are rounded to this fraction of a pixel.
 const PARTS: i64 = 256;
-/// The weight (1 − y²/8σ²)⁸ at a distance y from the slice is close to exp(−y²/σ²) near it, and 0 at √8 σ. This is its
-/// 1/8σ², 1/mm².
+/// Coefficient 1/8σ², 1/mm². The weight (1 − y²/8σ²)⁸ at a distance y from the slice is close to exp(−y²/σ²) for small
+/// y, and 0 at √8 σ.
 const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_SIGMA_MM * ACROSS_SIGMA_MM)) as f32;
-/// Eighth root of the least weight, so that a picture made off the slice shows where no other one does.
+/// Eighth root of the least weight. Above 0, so that pictures off the slice fill pixels that no other picture shows.
 const WEIGHT_ROOT_MIN: f32 = 0.2;
 const AMPLITUDE_MIN: f32 = 1.0e-30;
 

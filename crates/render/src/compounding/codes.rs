@@ -46,7 +46,7 @@ impl Codes {
         BLOCK + width + 2 * BLOCK
     }
 
-    /// Stores a picture of grey levels, as far as the angle shows it: where `covered` has the bit `bit`.
+    /// Stores a picture of grey levels at the pixels that the angle shows: where `covered` has the bit `bit`.
     pub(super) fn set(&mut self, picture: &[u8], covered: &[u16], bit: u16, of_levels: &[u16; 256]) {
         let (width, stride) = (self.width, Self::stride(self.width));
         let rows = self.codes[stride..].par_chunks_mut(ROWS * stride);

@@ -3,9 +3,9 @@
 //! Amplitudes are averaged, not their logarithms: speckle of different angles then averages as independent estimates of
 //! one amplitude do (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
 //!
-//! In a live session each angle has its own pose. Its picture is kept as it was made, and resampled at the present pose
-//! for each new mean. The resampling follows the rigid motion within the slice; the weight falls with the distance
-//! across it.
+//! In a live session each angle has its own pose. Pictures are stored unchanged, and resampled at the present pose for
+//! each new mean. Resampling follows the rigid motion within the slice. A picture's weight falls with its distance
+//! across the slice.
 
 mod average;
 mod codes;
@@ -49,7 +49,7 @@ pub(super) struct Compounding {
     /// Bit set of the angles that show each pixel [height × width].
     covered: Vec<u16>,
     angles: Vec<Codes>,
-    /// Where each angle's picture was made; `None` if there is none yet, or if the rules have excluded it.
+    /// Pose and contact of each angle's picture; `None` without a picture, or if the rules have excluded it.
     places: Vec<Option<Place>>,
     /// Angles that the present mean includes.
     sources: Vec<Source>,

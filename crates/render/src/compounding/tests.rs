@@ -165,7 +165,7 @@ fn frames_from_beside_the_slice_leave_nothing() {
             assert!(level.abs_diff(angles[1].levels[i].max(1)) <= 1, "{i}");
         }
     }
-    // Places that must be left out: beyond the reach, with other contact, and so far away that no pixel overlaps.
+    // Pictures that must be left out: beyond the reach, with other contact, and so far away that no pixel overlaps.
     let alone = |place: Place| {
         let mut compounding = new(&angles, 60.0);
         let mut mean = angles[0].levels.clone();

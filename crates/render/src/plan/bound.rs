@@ -16,16 +16,16 @@ pub enum Bound {
     Exact,
     /// No bound is needed: the effect is simulated only if the station switches it on. The scene does not call for it.
     OnRequest,
-    /// Bound on the level of any pixel. If media of different loss meet, it excludes speckle nulls 26 dB below the
-    /// mean.
+    /// Bound on the change of any pixel's level. If media of different loss meet, it excludes speckle nulls 26 dB below
+    /// the mean.
     Level {
         /// Largest change of a level, dB.
         db: f64,
         /// The same change in grey levels of 255.
         grey: f64,
     },
-    /// Bound on the lateral shift of the position at which a sample looks its medium up, within a scanline's share of
-    /// the sector. It bounds the shift of edges.
+    /// Bound on the lateral shift at which a sample's medium is looked up, within a scanline's share of the sector.
+    /// Edges shift by no more.
     Aside {
         /// Largest shift, mm.
         mm: f64,

@@ -1,4 +1,4 @@
-//! Rules for contact with the skin, and for what the receiver adds.
+//! Rules for contact with the skin, and for signals that the receiver adds.
 
 use insonify_core::acoustics::decibel::db_from_amplitude;
 
@@ -7,8 +7,8 @@ use super::rules::{Finding, Rules, finding};
 use crate::receiver::CLUTTER_DB_CM;
 
 impl Rules<'_> {
-    /// Called for by scenes with skin: a body lies in air. Without skin the background conducts: a water bath, a
-    /// phantom.
+    /// Contact is called for by scenes with skin: bodies in air. Without skin the background conducts, as in a water
+    /// bath or a phantom.
     pub(super) fn contact(&self) -> Finding {
         if !self.facts.skin {
             return finding("no surface is skin: what lies outside conducts", Bound::OnRequest);
@@ -26,8 +26,8 @@ impl Rules<'_> {
         self.added("noise", self.settings.receiver.noise_db, 0.0)
     }
 
-    /// Rule for `what` the receiver adds to the lines. It is called for in scenes with skin, if a display can show it.
-    /// The addition has `level_db` at the face and falls by `fall_db_cm`.
+    /// Rule for a signal, named `what`, that the receiver adds. Scenes with skin call for it if a display can show it.
+    /// The signal has `level_db` at the face and falls by `fall_db_cm`.
     fn added(&self, what: &str, level_db: f64, fall_db_cm: f64) -> Finding {
         if !self.facts.skin {
             return finding(format!("no surface is skin: a specimen is shown without {what}"), Bound::OnRequest);

@@ -37,9 +37,9 @@ impl Rules<'_> {
         self.probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * self.speed_ratio(medium)
     }
 
-    /// Error bound of frames without the loss `of`, with its largest value over the image's depth (dB) and that medium;
-    /// `None` if no medium has any. `of` is in dB per mm of range. `map_db_mm` is the same two-way loss per mm of path,
-    /// as in the attenuation map.
+    /// Error bound of frames without the loss `of` (dB per mm of range), its largest value over the image's depth (dB),
+    /// and the medium of that value. `None` if no medium has any loss. `map_db_mm` is the same two-way loss per mm of
+    /// path, as in the attenuation map.
     fn loss_bound(
         &self,
         of: impl Fn(&Medium) -> f64,
@@ -51,11 +51,11 @@ impl Rules<'_> {
             return Some((db, medium, Bound::none("the loss in lines.npy")));
         }
         let one_loss = self.facts.media.windows(2).all(|pair| of(&pair[0]) as f32 == of(&pair[1]) as f32);
-        // In a speckle null, echoes cancel; if their losses differ, they no longer do.
+        // Echoes cancel in a speckle null, but no longer if their losses differ.
         let level_db =
             if one_loss { db } else { db_from_amplitude(1.0 + (10f64.powf(db / 20.0) - 1.0) / NULL_AMPLITUDE) };
         let bound = Bound::level(level_db, self.settings.image.dynamic_range_db);
-        // One way, and as much again by the percentile that divides the map. Any frame may need its maps.
+        // The one-way loss counts twice: the percentile that divides the map has it, too. Any frame may need its maps.
         let map_db = self.facts.media.iter().map(map_db_mm).fold(0.0, f64::max) * self.probe.depth_mm;
         let map_off = 1.0 - 10f64.powf(-map_db / 20.0);
         if bound.negligible() && map_off > GREY_ALLOWED / 255.0 {

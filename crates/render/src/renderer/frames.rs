@@ -101,7 +101,7 @@ impl Renderer {
     }
 
     /// Renders frames at the times (s) and poses of `way`, one after another as in a live session. Compounding starts
-    /// over. `frame` is the last one.
+    /// over. `frame` receives the last frame.
     ///
     /// # Errors
     /// As [`Renderer::submit`] and [`Renderer::receive`].
@@ -141,7 +141,7 @@ impl Renderer {
         let active = &mut self.active;
         active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
         active.params.set_angle(&active.tables, angle);
-        // Each angle has its own noise. The straight angle, the last one, has that of a frame without compounding.
+        // Each angle has its own noise. The straight angle, the last one, has the noise of a frame without compounding.
         let before_last = active.tables.angles.len().saturating_sub(1 + angle);
         active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
     }
@@ -149,7 +149,7 @@ impl Renderer {
     /// Starts a frame. At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host renders it within this call.
     ///
     /// With compounding, the frame renders the next steering angle, and its picture is the mean of the latest pictures
-    /// of all angles. Those from which the probe has moved by more than `look.reach_mm` are left out. With
+    /// of all angles. Pictures from which the probe has moved by more than `look.reach_mm` are left out. With
     /// `look.registration`, pictures are resampled at the frame's pose.
     ///
     /// # Errors

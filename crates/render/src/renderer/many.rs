@@ -36,7 +36,7 @@ impl Renderer {
     /// own buffers and, if the scene moves, a copy of the tree. These are kept for the next call. A device has two
     /// frames in flight. If one frame can't keep it busy, successive jobs of equal scene time share dispatches.
     ///
-    /// Jobs are taken only a few ahead. Afterwards time and settings are as before.
+    /// Jobs are taken only a few ahead. Time and settings are restored at the end.
     ///
     /// # Errors
     /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an
@@ -176,8 +176,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `work` with up to `count` renderers of the same scene, probe and settings, which may render at the same
-    /// time: this one and others like it. On a device, with this one alone.
+    /// Runs `work` with this renderer and up to `count` − 1 others of the same scene, probe and settings, which may
+    /// render at the same time. On a device, with this renderer alone.
     ///
     /// # Errors
     /// Too little memory.

@@ -179,7 +179,7 @@ impl Renderer {
     ///   and warmed up by an extra frame.
     ///
     /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps.
-    /// While both are held, the memory of both is used.
+    /// While old and new buffers are held, the memory of both is used.
     ///
     /// # Errors
     /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
@@ -226,8 +226,8 @@ impl Renderer {
     }
 
     /// Makes configuration `number` the active one; 0 is the first. A new number starts with the probe and settings of
-    /// the active configuration. [`Renderer::reconfigure`] and all other methods concern the active one. Each keeps its
-    /// own tables and buffers, so switching costs nothing. All share the scene and its time.
+    /// the active configuration. [`Renderer::reconfigure`] and all other methods concern the active configuration. Each
+    /// keeps its own tables and buffers, so switching costs nothing. All share the scene and its time.
     ///
     /// Frames in flight stay as they were submitted, but no longer join a compounded picture.
     ///
@@ -253,7 +253,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Puts the scene back to rest if the active configuration has no motion. `moved` says whether the one before had.
+    /// Puts the scene back to rest if the active configuration has no motion. `moved`: whether the previous one had.
     fn rest(&mut self, moved: bool) {
         if moved && !self.active.effects.has(Effect::Motion) && self.bvh.moves() {
             self.move_to(0.0);

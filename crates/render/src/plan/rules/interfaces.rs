@@ -23,7 +23,7 @@ impl Rules<'_> {
         let amplitude = r * RETURNING_MAX * f64::from(SEGMENTS) * paths;
         let (gain_db, range_db) = (self.best_gain_db(), self.settings.image.dynamic_range_db);
         let above_black_db = db_from_amplitude(amplitude) + gain_db + range_db;
-        // The most that an echo so far below black can add to a visible level.
+        // Largest change of a visible level by an echo at `above_black_db`, relative to black.
         let bound = Bound::level(db_from_amplitude(1.0 + 10f64.powf(above_black_db / 20.0)), range_db);
         if bound.negligible() && !self.settings.lines {
             let reason = format!(
