@@ -1,7 +1,7 @@
 //! Order in which the steering angles of a compounded picture are rendered while the probe moves.
 //!
 //! A compounded picture is the mean of pictures of several steering angles, made one after another. Pictures from poses
-//! that the probe has left would smear the mean, so they are left out. While the probe moves fast, only the inner
+//! that the probe has left would smear the mean, so they are excluded. While the probe moves fast, only the inner
 //! angles are rendered, which show more of the sector.
 
 use glam::DVec3;
@@ -12,7 +12,7 @@ use insonify_core::settings::LookSettings;
 /// Distance across the slice at which a registered picture weighs about 1/e, mm. Speckle has decorrelated at that
 /// distance (its power by half at 0.5 mm, at all depths); structures have not.
 pub(super) const ACROSS_SIGMA_MM: f64 = 1.2;
-/// Largest distance across the slice at which registered pictures are averaged, mm: farther ones weigh next to nothing.
+/// Largest distance across the slice at which registered pictures are averaged, mm: farther pictures weigh almost 0.
 const ACROSS_MM: f64 = 2.0 * ACROSS_SIGMA_MM;
 /// Largest motion within the slice between registered pictures, as a multiple of `look.reach_mm`. Registration moves
 /// pictures to the present pose, but a steered picture doesn't show tissue that has just entered the sector.
@@ -35,18 +35,18 @@ impl Place {
         Self { pose, deep_mm: pose.position_mm + depth_mm * pose.transform_vector(DVec3::Z), coupled }
     }
 
-    /// Displacements from `other` to this place: of the face's centre, and of the central scanline's deepest point, mm.
+    /// Displacements of the face's centre and of the central scanline's deepest point since `other`, mm.
     fn moved_mm(&self, other: &Self) -> [DVec3; 2] {
         [self.pose.position_mm - other.pose.position_mm, self.deep_mm - other.deep_mm]
     }
 
-    /// Larger of the two displacements from `other`, mm.
+    /// Larger of the two displacements since `other`, mm.
     fn distance_mm(&self, other: &Self) -> f64 {
         let [face, deep] = self.moved_mm(other);
         face.length().max(deep.length())
     }
 
-    /// Larger of the two displacements from `other` along the normal of this slice, mm.
+    /// Larger of the two displacements since `other` along the normal of this slice, mm.
     fn across_mm(&self, other: &Self) -> f64 {
         let normal = self.pose.transform_vector(DVec3::Y);
         let [face, deep] = self.moved_mm(other);
@@ -75,7 +75,7 @@ impl Rules {
         kept.coupled == place.coupled && moved_mm <= self.reach_mm
     }
 
-    /// Number of frames that one mean may include if each moves the probe as far as from `last` to `place`.
+    /// Number of frames that one mean may include if each frame moves the probe as far as from `last` to `place`.
     fn frames(&self, last: &Place, place: &Place) -> f64 {
         let moved_mm = place.distance_mm(last);
         if !self.registration {
@@ -102,8 +102,8 @@ impl AngleOrder {
         (self.frames, self.last) = (0, None);
     }
 
-    /// Index of the steering angle for a frame at `place`. Among the angles that the probe's speed leaves time for, it
-    /// is the one rendered longest ago.
+    /// Index of the steering angle for a frame at `place`. It is the angle rendered longest ago, among the angles that
+    /// the probe's speed leaves time for.
     ///
     /// The first frame, and the first after contact is made or lost, gets the straight angle: it alone shows the whole
     /// sector.
@@ -141,7 +141,7 @@ mod tests {
         Place::new(Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }, 100.0, true)
     }
 
-    /// Angles chosen for `frames` frames, each `step_mm` from the one before.
+    /// Angles chosen for `frames` frames, each `step_mm` from the previous one.
     fn angles(count: usize, step_mm: f64, frames: usize) -> Vec<usize> {
         let mut order = AngleOrder::default();
         order.restart(count);

@@ -50,7 +50,7 @@ impl BatchPlan {
         Self { layers_per_batch: 1, lines_per_batch, parts, batches: whole.layers * parts }
     }
 
-    /// Uniforms of batch `batch`, from those of the whole frame. Batch 0 has the most paths.
+    /// Uniforms of batch `batch`, from the whole frame's uniforms. Batch 0 has the most paths.
     pub(crate) fn params(&self, batch: u32, whole: &Params) -> Params {
         let (layer_first, line_first) =
             (batch / self.parts * self.layers_per_batch, batch % self.parts * self.lines_per_batch);

@@ -33,8 +33,8 @@ pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 
 /// Hits of a ray within this distance count as coincident, mm: touching surfaces, or one edge hit twice.
 pub(crate) const TOUCH_MM: f64 = 1.0e-3;
-/// Most crossings of surfaces: coincident ones, along a path up to its first reflection, backwards from the face, and
-/// along a map ray.
+/// Most crossings of surfaces: coincident crossings, along a path up to its first reflection, backwards from the face,
+/// and along a map ray.
 pub(crate) const CROSSINGS_AT_A_PLACE: u32 = 16;
 pub(crate) const CROSSINGS_OF_A_PATH: u32 = 96;
 pub(crate) const CROSSINGS_BEHIND: u32 = 64;
@@ -174,7 +174,7 @@ pub(crate) const HAS_REFLECTED: u32 = 1 << 20;
 pub(crate) const TISSUE_MASK: u32 = 0xffff;
 /// Bit, stored with a surface's tissue index, of a surface that moves.
 pub(crate) const MOVES: u32 = 1 << 16;
-/// Bit of a raster word whose medium reaches to the next depth. The lower bits hold the tissue, the higher ones Σμ.
+/// Bit of a raster word whose medium reaches to the next depth. The lower bits hold the tissue, the higher bits Σμ.
 pub(crate) const WHOLE: u32 = 1 << 8;
 /// Bits of a packed pixel position that hold the fraction of the sector's width; the higher bits hold the fraction of
 /// its depth.

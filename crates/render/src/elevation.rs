@@ -1,8 +1,8 @@
 //! Elevational offsets of paths: straight lines that together fill the beam's thickness.
 //!
-//! The beam's width is √(waist² + (start + slope·z)²) at depth z. Lines have the same spread if their offset is the sum
-//! of a waist part and a cone part, both Gaussian and independent. All lines of the cone meet at the focus, so the
-//! slice keeps its thickness there.
+//! The beam's width is √(waist² + (start + slope·z)²) at depth z. Lines have that spread if their offset is the sum of
+//! a waist part and a cone part, both Gaussian and independent. All lines of the cone meet at the focus, so the slice
+//! keeps its thickness there.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ struct Envelope {
 /// of ray), length of ray per mm of depth, and 0. A single layer is the image plane.
 ///
 /// Each steering angle has its own offsets, so a compounded picture samples the slice with the paths of all its angles.
-/// Among a dozen paths, only the outermost may meet an object that lies in a hundredth of the beam.
+/// A dozen paths alone may miss an object that fills a hundredth of the beam.
 pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, angles: u32) -> Vec<[f32; 4]> {
     if layers == 1 {
         return vec![[0.0, 0.0, 1.0, 0.0]; (angles * rays) as usize];

@@ -15,7 +15,7 @@ pub struct FrameQuality {
     /// Elevational layers.
     pub layers: u32,
     /// Number of steering angles of a compounded picture; 1 without compounding. Each live frame renders one angle and
-    /// shows the mean of the latest ones.
+    /// shows the mean of the latest pictures of all angles.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub angles: u32,
     /// Whether obstacles shadow the aperture as a whole; if false, they shadow each path alone.

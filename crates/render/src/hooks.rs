@@ -4,7 +4,7 @@
 use super::device::ShaderSet;
 use super::host::{ImageConstants, TraceConstants};
 
-/// Shaders and constants of the passes; by default the shipped ones.
+/// Shaders and constants of the passes; unchanged by default.
 #[derive(Debug, Clone, Default)]
 pub struct TestHooks {
     /// Shaders of a device.

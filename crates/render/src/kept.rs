@@ -1,4 +1,4 @@
-//! Numbered values, of which one is in use elsewhere and the others are stored.
+//! Numbered values: the active value is in use elsewhere, the others are stored here.
 
 /// The values that are not active, by number. Value 0 is active at first.
 #[derive(Debug)]
@@ -36,8 +36,8 @@ impl<T> Kept<T> {
         number == self.active || self.get(number).is_some()
     }
 
-    /// Moves the value `number` into `active`, and stores the one that was there. A number without a value gets `new`;
-    /// if that is `None`, nothing changes.
+    /// Moves the value `number` into `active`, and stores the previous active value. A number without a value gets
+    /// `new`; if `new` is `None`, nothing changes.
     pub(crate) fn swap(&mut self, number: usize, active: &mut T, new: Option<T>) {
         let Some(value) = self.others.get_mut(number).and_then(Option::take).or(new) else { return };
         if number == self.active {

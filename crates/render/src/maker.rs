@@ -37,7 +37,7 @@ pub(crate) trait FrameMaker: Debug + Send {
     fn take_cold(&mut self) -> bool;
 
     /// Moves the scene to `time_s` for frames submitted from now on. A device moves its own triangles and nodes, and
-    /// leaves those of `bvh` at rest.
+    /// leaves `bvh` at rest.
     fn move_scene(&mut self, bvh: &mut Bvh, time_s: f64);
 
     /// Starts a frame at the pose in the uniforms.

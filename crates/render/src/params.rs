@@ -46,7 +46,7 @@ pub(crate) struct SheetFamily {
 }
 
 impl SheetFamily {
-    /// The family as seen by a slice whose elevational axis is `elevational`.
+    /// The family relative to a slice whose elevational axis is `elevational`.
     fn new(family: &Family, elevational: DVec3, cells: SheetCells) -> Self {
         let Family { number, axes, share } = *family;
         let along = axes.x_axis.dot(elevational);
@@ -274,7 +274,7 @@ impl Params {
         1.0 / (self.rays * self.layers) as f32
     }
 
-    /// Amplitude weight of a path whose echoes add in power with those of other paths.
+    /// Amplitude weight of a path whose echoes add in power to other paths' echoes.
     pub(crate) fn power_weight(&self) -> f32 {
         let weight = self.path_weight();
         (weight * (CELLS_OF_A_BEAM as f32 * weight).min(1.0)).sqrt()
@@ -295,7 +295,7 @@ impl Params {
         if self.axial_paths == 0 { line } else { self.sounding_paths() + line }
     }
 
-    /// Number of paths of this batch: those that carry echoes, then the axial paths.
+    /// Number of paths of this batch: paths that carry echoes, then the axial paths.
     pub(crate) fn paths(&self) -> u32 {
         self.sounding_paths() + self.axial_paths
     }

@@ -78,7 +78,7 @@ struct Depth {
     /// Position of the depth in the random fields of haze and clutter, and in the field of the arcs.
     haze: Along,
     arcs: Along,
-    /// Amplitudes of reverberation and clutter, relative to those at the face.
+    /// Amplitudes of reverberation and clutter, relative to the face.
     ring: f64,
     clutter: f64,
     /// Amplitude of the arcs; its mean square over depth is 1.

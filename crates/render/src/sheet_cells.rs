@@ -62,8 +62,7 @@ fn drawn(scatterers: u32) -> Vec<f64> {
     (0..=STEPS).map(|step| drawn_at(scatterers, DISTANCE_MAX * f64::from(step) / f64::from(STEPS))).collect()
 }
 
-/// Estimates [`SheetCells::chance_of_same_nearest`] at one distance, in sides of a cell, from random cells, points and
-/// directions.
+/// Estimates [`SheetCells::chance_of_same_nearest`] at a distance in cell sides, from random cells and directions.
 fn drawn_at(scatterers: u32, distance: f64) -> f64 {
     let [mut both, mut same] = [0u32; 2];
     for draw in 0..DRAWS {

@@ -2,10 +2,10 @@
 //!
 //! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with scatterers in square cells:
 //! see [`SheetCells`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets at |y| ≤
-//! Y. Each has the weight (1 − (y/Y)²)², divided by the root of the weights' squared sum.
+//! Y. A sheet at y has the weight (1 − (y/Y)²)², divided by the root of the weights' squared sum.
 //!
-//! If the probe slides along ŷ, the line meets the sheets at the same points, and only the weights change. So the
-//! autocorrelation of the weights is that of the speckle. Y is fitted to theory.
+//! If the probe slides along ŷ, the line meets the sheets at the same points, and only the weights change. So speckle
+//! has the autocorrelation of the weights. Y is fitted to theory.
 //!
 //! Six families lie on the axes of an icosahedron, so that one of them is within 37.4° of any slice. A frame takes the
 //! nearest family, and blends two or three that are about equally near.
@@ -145,8 +145,8 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     (0u32..).zip(normals).map(family).filter(|family| family.share > 0.0).take(SHEET_FAMILIES as usize)
 }
 
-/// A direction in a slice, as one family sees it: how the point where a sample's elevational line meets a sheet moves
-/// with the sample.
+/// A direction in a slice, relative to one family: motion of the point where a sample's elevational line meets a sheet,
+/// if the sample moves in that direction.
 #[derive(Debug, Clone, Copy)]
 struct Direction {
     /// Displacement of that point along the two axes of the cells, and along the elevational axis, per mm of the

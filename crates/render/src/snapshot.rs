@@ -74,7 +74,7 @@ pub struct Snapshot {
     pub nodes: Vec<Node>,
     /// `locate`: for each path, the surfaces that it starts inside, and the coupling of its part of the face.
     pub launches: Vec<Launched>,
-    /// `trace`: all paths, the axial ones last.
+    /// `trace`: all paths, axial paths last.
     pub paths: Vec<Path>,
     /// `trace`: index of the segment at the first sample of each block of `hint_block` samples [paths × blocks].
     pub hints: Vec<u8>,

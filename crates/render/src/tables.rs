@@ -339,8 +339,8 @@ fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32], known: &[SteeredAn
     steering(angles, look.span_deg).into_iter().map(of_angle).collect()
 }
 
-/// Map from positions on straight scanlines to positions on steered ones: [`Sector::polar_steered`] as a table over
-/// depth.
+/// Map from positions on straight scanlines to positions on steered scanlines: [`Sector::polar_steered`] as a table
+/// over depth.
 struct Steering {
     /// Shift across and steered depth at equal steps of the straight depth, as fractions of the sector.
     steps: Vec<[f64; 2]>,

@@ -26,10 +26,10 @@ pub(crate) const PLANES_MAX: usize = 128;
 
 /// Largest distance between depth planes, mm, unless the image is deeper than [`PLANES_MAX`] such distances.
 const PLANE_MM: f64 = 3.33;
-/// Largest cell along the face, mm: on flat faces, then on curved ones. Cells of a curved face widen with depth, and
-/// rays leave it at steep angles.
+/// Largest cell along the face, mm: on flat faces, then on curved faces. Cells of a curved face widen with depth, and
+/// rays leave the face at steep angles.
 const CELL_MM: [f64; 2] = [0.28125, 0.135];
-/// Largest distance between beams along the face, mm: on flat faces, then on curved ones.
+/// Largest distance between beams along the face, mm: on flat faces, then on curved faces.
 const BEAM_MM: [f64; 2] = [0.5625, 0.45];
 /// Most cells from one beam's axis to the next.
 const BEAM_CELLS_MAX: usize = 4;
@@ -45,7 +45,7 @@ const REACH_MM: [f64; 2] = [7.0, 13.0];
 /// Ratio of this distance to the image's depth, before the bounds apply: refracted beams stray farther at larger
 /// depths.
 const REACH_PER_DEPTH: f64 = 0.11;
-/// Spread of a curved face, see [`Face::spread`], from which odd modes are left out.
+/// Spread of a curved face ([`Face::spread`]) beyond which odd modes are left out.
 const HALVING_SPREAD: f64 = 2.0;
 /// Most rays of a layer (elevational part of the beam) that are taken for one cell.
 const CELL_RAYS_MAX: u32 = 32;

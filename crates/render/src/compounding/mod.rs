@@ -84,7 +84,7 @@ impl Compounding {
         }
     }
 
-    /// Forgets all pictures; new ones have this dynamic range, dB.
+    /// Forgets all pictures, and sets the dynamic range of new pictures, dB.
     pub(super) fn restart(&mut self, dynamic_range_db: f64) {
         self.places.fill(None);
         if self.dynamic_range_db != dynamic_range_db {

@@ -249,6 +249,6 @@ fn places_that_a_steered_angle_does_not_show_are_the_straight_angles() {
     mean.clone_from(&angles[0].levels);
     compounding.add(0, place(angles[0].pose), RULES, &mut mean);
     assert_eq!(mean, straight);
-    // The rules of these tests are those of the default settings.
+    // These tests use the rules of the default settings.
     assert_eq!(Rules::of(&LookSettings::default()), RULES);
 }

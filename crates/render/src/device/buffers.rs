@@ -1,4 +1,4 @@
-//! Buffers on the device: those of the scene, made once, and those of a configuration.
+//! Buffers on the device: buffers of the scene, made once, and buffers of a configuration.
 
 use insonify_core::anatomy::Bvh;
 
@@ -139,7 +139,7 @@ impl Buffers {
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
-            // One table per steering angle; that of the straight angle is `tables.pixels`.
+            // One table per steering angle; the straight angle's table is `tables.pixels`.
             pixels: work("pixels", sector_pixels * tables.angles.len() as u64, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: part("start membership", paths * 32, |b| &b.starts_inside)?,

@@ -243,7 +243,7 @@ impl Gpu {
         }
     }
 
-    /// Checks what the settings need against a limit of the device.
+    /// Checks a need of the settings against a limit of the device.
     ///
     /// # Errors
     /// The device offers less than `needed`.

@@ -48,7 +48,7 @@ struct Shared {
 }
 
 impl InjectedHang {
-    /// Prepares a dispatch of about `duration`, scaled from the times of smaller ones.
+    /// Prepares a dispatch of about `duration`, scaled from the times of smaller dispatches.
     ///
     /// # Errors
     /// The device refuses the shader or the buffer, or fails.

@@ -191,7 +191,7 @@ impl Slot {
             let at = |offset: u64, size: u64| &bytes[offset as usize..(offset + size) as usize];
             (frame.width, frame.height) = (self.shape.width, self.shape.height);
             let (width, stride) = (self.shape.width as usize, 4 * self.shape.row_words as usize);
-            // A frame without image or maps must not keep those of an earlier frame.
+            // A frame without image or maps must not keep an earlier frame's.
             frame.bmode.clear();
             if contents.image {
                 unpad(&mut frame.bmode, at(0, l.pixels), width, stride);

@@ -77,7 +77,7 @@ impl ApertureBuffers {
     }
 }
 
-/// `count` zeros, or an error if memory is short; `what` names them in the error.
+/// `count` zeros, or an error that names `what` if memory is short.
 fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>, BackendError> {
     let zeroed = usize::try_from(count).ok().and_then(|count| bytemuck::allocation::try_zeroed_vec(count).ok());
     zeroed.ok_or_else(|| BackendError::Memory {

@@ -31,7 +31,7 @@ impl<'a> Paths<'a> {
         (&self.starts[path * starts..][..starts], &self.segments[path * segments..][..segments])
     }
 
-    /// Ends (mm of range) and segments of a path, and the index of a segment that holds `sample` or is before it.
+    /// Ends (mm of range) and segments of a path, and the index of a segment that contains `sample` or precedes it.
     #[inline(always)]
     fn hinted(&self, params: &Params, path: u32, sample: u32) -> (&'a [f32], &'a [Segment], usize) {
         let path = path as usize;
@@ -53,7 +53,7 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Visits the segments of `path` from the one that holds `sample`.
+    /// Visits the segments of `path` from the segment that contains `sample`.
     #[inline(always)]
     pub(super) fn new(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> Self {
         let (ends, segments, at) = paths.hinted(params, path, sample);

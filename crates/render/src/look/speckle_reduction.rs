@@ -11,8 +11,8 @@ pub(super) const HALF: usize = 3;
 /// Standard deviation of fully developed speckle in log-compressed grey levels, dB (Rayleigh): 10·π/(√6·ln 10).
 pub(super) const SPECKLE_DB: f64 = 5.570_082;
 
-/// Variance of speckle, grey levels squared: that of a single picture over the number of independent pictures in the
-/// mean.
+/// Variance of speckle, grey levels squared: variance of a single picture over the number of independent pictures in
+/// the mean.
 pub(super) fn variance_of_speckle(shape: Shape<'_>) -> f64 {
     (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0)
 }

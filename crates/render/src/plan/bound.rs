@@ -39,7 +39,7 @@ pub enum Bound {
     },
     /// No bound: part of the image is missing.
     None {
-        /// What a frame without the effect lacks.
+        /// Missing part of a frame without the effect, in words.
         lacks: String,
     },
 }

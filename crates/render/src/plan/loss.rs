@@ -37,9 +37,9 @@ impl Rules<'_> {
         self.probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * self.speed_ratio(medium)
     }
 
-    /// Error bound of frames without the loss `of` (dB per mm of range), its largest value over the image's depth (dB),
-    /// and the medium of that value. `None` if no medium has any loss. `map_db_mm` is the same two-way loss per mm of
-    /// path, as in the attenuation map.
+    /// Error bound of frames without the loss `of` (dB per mm of range). Includes the largest loss over the image's
+    /// depth (dB) and its medium; `None` if no medium has any. `map_db_mm` is the same two-way loss per mm of path, as
+    /// in the attenuation map.
     fn loss_bound(
         &self,
         of: impl Fn(&Medium) -> f64,

@@ -176,8 +176,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `work` with this renderer and up to `count` − 1 others of the same scene, probe and settings, which may
-    /// render at the same time. On a device, with this renderer alone.
+    /// Runs `work` with this renderer and up to `count` − 1 others of the same scene, probe and settings. They may
+    /// render at the same time. On a device, this renderer is alone.
     ///
     /// # Errors
     /// Too little memory.

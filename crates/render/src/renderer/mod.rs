@@ -221,7 +221,7 @@ impl Renderer {
         self.prepare_skin()?;
         self.prepare_compounding();
         self.rest(moved);
-        // If frames are in flight, no warm-up frame fits, and the next frame compiles what is new.
+        // If frames are in flight, no warm-up frame fits, and the next frame compiles new passes.
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
     }
 

@@ -37,7 +37,7 @@ pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
     (0..aperture.planes).flat_map(|plane| (0..aperture.cells).map(move |axis| power(plane, axis))).collect()
 }
 
-/// Two-way amplitude with which a beam sees a scatterer at a cell.
+/// Two-way amplitude of a beam at a cell.
 fn amplitude(aperture: &Aperture, fields: &[DVec2], plane: usize, beam: usize, cell: usize) -> f64 {
     let receive = &aperture.receive[plane * aperture.modes.len()..][..aperture.modes.len()];
     let (mut sent, mut heard) = (DVec2::ZERO, DVec2::ZERO);

@@ -1,4 +1,4 @@
-//! Integer hashes, bit for bit those of `shaders/shared/hash.wgsl`.
+//! Integer hashes, identical bit for bit to `shaders/shared/hash.wgsl`.
 
 use crate::constants::KRONECKER;
 

@@ -43,7 +43,7 @@ pub struct Triangle {
     pub edge2_mm: DVec3,
     /// Tolerance of the edge functions per mm of distance, mm: longest edge × `EDGE_TOLERANCE_PER_MM`.
     pub tolerance: f64,
-    /// Index of its surface. Where surfaces overlap, the one with the highest index is the medium.
+    /// Index of the triangle's surface. Where surfaces overlap, the highest index is the medium.
     pub surface: u32,
     /// Index of the triangle in the scene.
     pub index: u32,
@@ -300,7 +300,7 @@ impl Inputs {
         }
     }
 
-    /// Width of a phased array's aperture as a scanline sees it, over the full width; 1 for other arrays.
+    /// Projection of a phased array's aperture on a scanline, over the full width; 1 for other arrays.
     pub fn projection(&self, line: usize) -> f64 {
         let angle_rad = self.line_angle_rad * (line as f64 + 0.5 - 0.5 * self.scanlines as f64);
         angle_rad.cos().max(PROJECTION_MIN)
@@ -321,7 +321,7 @@ impl Inputs {
         if self.axial_paths == 0 { line } else { self.sounding() + line }
     }
 
-    /// Number of paths of a frame: those that carry echoes, then the axial paths.
+    /// Number of paths of a frame: paths that carry echoes, then the axial paths.
     pub fn paths(&self) -> usize {
         self.sounding() + self.axial_paths
     }

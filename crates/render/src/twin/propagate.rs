@@ -1,5 +1,5 @@
-//! Propagation of the modes (waves along the face) from plane to plane, by plain Fourier sums, through the transmission
-//! and the delays of the scan plane.
+//! Propagation of the modes (waves along the face) from plane to plane, by plain Fourier sums. The scan plane's
+//! transmission and delays act at each plane.
 
 use glam::DVec2;
 use rayon::prelude::*;

@@ -45,8 +45,8 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
     mix(along(line as usize), along((line as usize + 1).min(inputs.scanlines - 1)), line.fract())
 }
 
-/// Tissue and Σμ at a depth and a fractional scanline index, between two map rays or up to half a spacing beyond the
-/// outer ones.
+/// Tissue and Σμ at a depth and a fractional scanline index: between two map rays, or up to half a spacing beyond the
+/// outer rays.
 fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> RasterPoint {
     let count = inputs.map_rays.len();
     let position = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;

@@ -25,7 +25,7 @@ impl Membership {
         (0..256).rev().find(|s| self.0[(s >> 5) as usize] >> (s & 31) & 1 == 1)
     }
 
-    /// Index of the tissue at the point `here_mm`: that of the highest surface. Outside of all surfaces it is the
+    /// Index of the tissue at the point `here_mm`: the highest surface's tissue. Outside of all surfaces it is the
     /// background, or air beyond the film of gel.
     pub fn medium(&self, inputs: &Inputs, here_mm: DVec3) -> usize {
         let depth_mm = inputs.below_face_mm(here_mm);

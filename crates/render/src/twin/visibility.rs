@@ -10,13 +10,13 @@ use crate::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_M
 /// Gain and losses of a scanline at a boundary of the depth intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Boundary {
-    /// Fractional index of the depth plane whose gain applies here; −1 is the face.
+    /// Fractional index of the depth plane whose gain applies at the boundary; −1 is the face.
     pub position: f64,
-    /// Loss of the axial path up to here, one-way nepers.
+    /// Loss of the axial path up to the boundary, one-way nepers.
     pub loss_np: f64,
     /// ln of the aperture's two-way gain at the plane before this boundary.
     pub ln_gain: f64,
-    /// Loss up to here that all scanlines share, one-way nepers.
+    /// Loss up to the boundary that all scanlines share, one-way nepers.
     pub shared_np: f64,
 }
 

@@ -89,8 +89,8 @@ impl Roots {
         }
     }
 
-    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k: first the steps within each part, then
-    /// those across parts.
+    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k. Steps within each part precede steps
+    /// across parts.
     #[cfg(test)]
     fn inverse(&self, data: &mut [Wide]) {
         for part in data.chunks_exact_mut(self.part()) {

@@ -10,7 +10,7 @@ use crate::host::scatter::speckle::deviate;
 use crate::params::Params;
 
 /// Adds noise, clutter and reverberation to `focused`, complex [scanlines × row_samples]. `near` holds reverberation
-/// and clutter of the samples near the face, complex [scanlines × near_samples]. `params` and `paths` are those of the
+/// and clutter of the samples near the face, complex [scanlines × near_samples]. `params` and `paths` belong to the
 /// last batch.
 pub(in crate::host) fn receive(
     params: &Params,

@@ -221,7 +221,7 @@ fn greys(params: &Params, polar: &[u32], positions: &[u32; LANES]) -> [u8; LANES
 }
 
 /// Tissue numbers and attenuation of pixels. Σμ is linear between map rays, and up to half a spacing beyond the outer
-/// ones. The tissue is the nearer ray's.
+/// rays. The tissue is the nearer ray's.
 #[inline(always)]
 fn sections(params: &Params, maps: &Maps<'_>, positions: &[u32; LANES]) -> ([u8; LANES], [f32; LANES]) {
     let stride = if params.map_rays > 1 { params.map_depths } else { 0 };

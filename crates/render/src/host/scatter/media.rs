@@ -54,7 +54,7 @@ impl Medium {
 #[derive(Debug)]
 pub(super) struct Media {
     media: [Medium; MEDIA],
-    /// Number of paths that enter each medium at a pair of samples, less those that leave it.
+    /// Number of paths that enter each medium at a pair of samples, less the number of paths that leave it.
     changes: [[i16; PAIRS + 1]; MEDIA],
     count: usize,
 }
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn counted_paths_have_the_power_of_each_of_them() {
         let segment = |number: usize| {
-            // Media without scatterers are silent.
+            // Media without scatterers have no power.
             let scatterers = if number.is_multiple_of(5) { 0 } else { 1 << 10 | number as u32 };
             let (scatterer_mean, scatterer_deviation) = (0.1 * number as f32, 1.0 + number as f32);
             Segment { scatterer_mean, scatterer_deviation, scatterers, ..Segment::default() }

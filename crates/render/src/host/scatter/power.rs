@@ -8,11 +8,11 @@ use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, Run, range_mm};
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
+/// Scaled power at and below which scatterers have no echo: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
-/// Largest fall of ln power per block for which a block's powers are computed from those of the block before.
+/// Largest fall of ln power per block for which a block's powers are computed from the previous block's.
 const LN_FALL_MAX: f32 = 7.0;
-/// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
+/// Range of ln of the scaled powers. Lanes before the start of their segment are stronger, by up to a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
 
 /// Consecutive blocks of samples on a path, and the path's weight.
@@ -111,7 +111,7 @@ impl Powers {
     #[inline(always)]
     fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &Segment, [begin, end]: [usize; 2]) {
         let (level, fall) = (segment.ln_amplitude_at_zero, segment.fall_np_mm);
-        // Skips media without scatterers, and inaudible segments.
+        // Skips media without scatterers, and segments below any display.
         let Some(parts) = parts(stretch.weight, segment) else { return };
         if level - fall * range_mm(params, stretch.first.wrapping_add(begin as u32)) <= LN_SPECKLE_SILENT {
             return;

@@ -47,7 +47,7 @@ pub(super) struct Departure {
     /// ln of the two-way amplitude that passes the interface.
     pub(super) ln_passed: f32,
     pub(super) echo: f32,
-    /// Range of the echo minus that of the interface, mm.
+    /// Range of the echo minus range of the interface, mm.
     pub(super) echo_offset_mm: f32,
 }
 
@@ -74,7 +74,7 @@ pub(super) struct Arrivals {
     /// 1 for an axial path, else 0.
     pub(super) is_axial: Words,
     pub(super) bounce: Words,
-    /// Generators of the low-discrepancy numbers at the first interfaces; 0 at later ones, which take plain hashes.
+    /// Generators of the low-discrepancy numbers at the first interfaces; 0 at later interfaces (plain hashes).
     pub(super) generators: [Words; DIMENSIONS],
 }
 

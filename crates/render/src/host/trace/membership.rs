@@ -65,8 +65,8 @@ pub(in crate::host) fn cross(triangles: &[PackedTriangle], coincident: &[Crossin
     }
 }
 
-/// Applies crossings, sorted by distance, in groups of coincident ones, up to the first group that reaches `t`. Returns
-/// the number of groups, the end of the last one (mm), and the remaining crossings.
+/// Applies crossings, sorted by distance, in coincident groups, up to the first group that reaches `t`. Returns the
+/// number of groups, the end of the last group (mm), and the remaining crossings.
 #[inline(always)]
 pub(super) fn cross_until<'a>(
     triangles: &[PackedTriangle],

@@ -59,7 +59,7 @@ impl Outputs<'_> {
 /// crossings lost for lack of room.
 ///
 /// A path's outputs depend on that path alone, with one exception. If more crossings lie behind its start than fit, its
-/// neighbours decide which ones are lost.
+/// neighbours decide which crossings are lost.
 pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
     let Params { axial_paths, scanlines, .. } = *scene.params;
     // With the aperture, an axial path passes every interface. Up to the first reflection of its scanline's only path,

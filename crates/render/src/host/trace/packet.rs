@@ -173,8 +173,8 @@ fn meet(
     met
 }
 
-/// Intersects a packet with a triangle: distances go to `t`. Returns bit masks of the rays that hit in (t_min, t_max],
-/// and of those that enter the surface. The masks may include rays that are not in `rays`.
+/// Intersects a packet with a triangle: distances go to `t`. Returns two bit masks: rays that hit in (t_min, t_max],
+/// and rays that enter the surface. The masks may include rays that are not in `rays`.
 #[inline(always)]
 fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut Lanes) -> (u32, u32) {
     let (mut hits, mut entering) = (0, 0);

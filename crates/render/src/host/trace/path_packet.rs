@@ -110,8 +110,8 @@ impl PathPacket {
         self.lanes[..count].iter().map(|&lane| &self.records[lane])
     }
 
-    /// Follows axial paths from the first reflections of the last [`PathPacket::follow`]. Their records replace those
-    /// of the paths. Returns the number of crossings lost.
+    /// Follows axial paths from the first reflections of the last [`PathPacket::follow`]. Their records replace the
+    /// paths' records. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow_axial_paths(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
         self.batch.clear();

@@ -96,7 +96,7 @@ impl Covered {
 }
 
 /// Collects every crossing of each ray in (t_min, t_max], unsorted. Returns the number stored per ray, and the number
-/// lost for lack of room in `into`. Which ones are lost depends on the other rays.
+/// lost for lack of room in `into`. The other rays affect which crossings are lost.
 #[inline(always)]
 pub(in crate::host) fn collect(
     tree: &Tree<'_>,
@@ -140,7 +140,7 @@ pub(super) mod tests {
         ])
     }
 
-    /// Tree of meshes, each with a higher priority than the ones before.
+    /// Tree of meshes, each with a higher priority than the previous one.
     pub(in crate::host::trace) fn built(meshes: Vec<insonify_core::anatomy::Mesh>) -> Bvh {
         let part = |(i, mesh)| Part { name: "part", tissue: "muscle", priority: i as i32, mesh };
         let parts = meshes.into_iter().enumerate().map(part).collect();
@@ -180,7 +180,7 @@ pub(super) mod tests {
         let mut packet = Packet::new();
         let mut crossings = 0;
         for trial in 0..2000u32 {
-            // From identical rays to unrelated ones.
+            // Spreads from identical rays to unrelated rays.
             let spread = [0.0, 0.01, 0.2, 2.0][trial as usize % 4];
             let range = if trial.is_multiple_of(3) { [-40.0, 0.0] } else { [1.0e-3, 70.0] };
             packet.clear();
@@ -211,7 +211,7 @@ pub(super) mod tests {
         // One ray is apart from the others, so bounds without it would miss its crossings.
         let x_mm = |lane: usize| if lane == 0 { -9.0 } else { 2.0 + 0.1 * lane as f32 };
         let other = |lane: usize| Ray::new(Vec3::new(x_mm(lane), 1.0, -40.0), Vec3::Z);
-        // Whichever lane is NaN, the others find the same as alone.
+        // Whichever lane is NaN, the other lanes find the same crossings as alone.
         for stray in 0..RAYS {
             let mut packet = Packet::new();
             packet.set(stray, Ray::new(Vec3::NAN, Vec3::NAN), 0.0, 70.0);

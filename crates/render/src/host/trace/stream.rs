@@ -58,8 +58,8 @@ impl Stream {
         self.open |= 1 << lane;
     }
 
-    /// Runs all searches to their ends. Crossings of surfaces below the medium's are in `covered`, unsorted: all of
-    /// them up to [`TOUCH_MM`](crate::host::constants::TOUCH_MM) beyond the nearest crossing, and maybe farther ones.
+    /// Runs all searches to their ends. Crossings of surfaces below the medium's are in `covered`, unsorted: all up to
+    /// [`TOUCH_MM`](crate::host::constants::TOUCH_MM) beyond the nearest crossing, and maybe farther crossings.
     #[inline(always)]
     pub(super) fn search(&mut self, tree: &Tree<'_>, covered: &mut [Covered; RAYS]) {
         for lane in bits(self.open) {
