@@ -54,7 +54,7 @@ impl Place {
     }
 }
 
-/// Rules for which pictures a live mean includes.
+/// Rules that select the pictures of a live mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rules {
     /// Whether pictures are resampled at the present pose before they are averaged.

@@ -127,8 +127,8 @@ pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
 pub(crate) const REFLECTED_MAX: f64 = 1.0e7;
 /// Least fraction of a phased array's aperture, projected on the scanline: the cosine of 78°.
 pub(crate) const PROJECTION_MIN: f64 = 0.2;
-/// Unlikeness of a beam's profile to the unobstructed one (1 less their squared correlation) from which the profile
-/// alone weighs a scanline's neighbours.
+/// Dissimilarity (1 − squared correlation) of a beam's profile to the unobstructed profile, from which on the beam's
+/// profile alone weighs a scanline's neighbours.
 pub(crate) const UNLIKE: f64 = 0.02;
 /// Amplitude, relative to a profile's greatest, below which the profile's ends are cut: −26 dB.
 pub(crate) const PROFILE_CUT: f64 = 0.05;

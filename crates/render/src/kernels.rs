@@ -29,7 +29,7 @@ pub(crate) enum Kernel {
 /// its level stays right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClippedKernel {
-    /// Which kernel was cut.
+    /// Kernel that was cut.
     pub(crate) kernel: Kernel,
     /// Half width that the kernel needs at its widest, scanlines or samples.
     pub(crate) wanted: u32,

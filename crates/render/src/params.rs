@@ -37,7 +37,7 @@ pub(crate) struct SheetFamily {
     pub(crate) second: [f32; 4],
     /// Amplitude weight of the family; the squares over a slice's families sum to 1.
     pub(crate) share: f32,
-    /// Added to each sheet's number before it is hashed.
+    /// Number added to each sheet's index before hashing.
     pub(crate) salt: u32,
     /// Side of a cell, mm.
     pub(crate) cell_mm: f32,

@@ -107,7 +107,7 @@ impl ApertureTables {
         })
     }
 
-    /// These tables for another number of rays per scanline.
+    /// Copy of these tables for another number of rays per scanline.
     pub(crate) fn with_rays(&self, probe: &Probe, rays: u32) -> Self {
         let cell_rays = Grid::new(probe).map_or_else(Vec::new, |grid| grid.cell_rays(probe, rays));
         Self { cell_rays, ..self.clone() }

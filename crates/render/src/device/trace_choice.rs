@@ -96,8 +96,8 @@ impl Gpu {
     }
 }
 
-/// Measures both ways with few and with many paths, from three sides through the middle of the scene. `None` if they
-/// find different paths, since lanes must then be wrong.
+/// Measures both ways with few and with many paths, from three sides through the middle of the scene. `None` if the
+/// ways find different paths, since lanes must then be wrong.
 ///
 /// # Errors
 /// A device that fails, or refuses a pass.

@@ -63,7 +63,7 @@ impl SceneFacts {
         }
     }
 
-    /// These facts with air among the media.
+    /// Copy of these facts with air among the media.
     pub(super) fn in_air(&self) -> Self {
         let mut facts = self.clone();
         facts.media.extend(self.air.clone().filter(|air| !self.media.contains(air)));

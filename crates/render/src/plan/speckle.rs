@@ -25,7 +25,7 @@ impl Rules<'_> {
         }
     }
 
-    /// Called for wherever there is speckle, so that a pose gives the same frame in a session, a still and a data set.
+    /// Rule: needed wherever there is speckle. A pose then gives the same frame in a session, a still and a data set.
     pub(super) fn elevational_speckle(&self) -> Finding {
         if !self.on.has(Effect::Scatterers) {
             return finding("nothing scatters", Bound::Exact);

@@ -340,8 +340,8 @@ impl Renderer {
     /// Moves the scene to `time_s`, for frames submitted from now on. A new renderer shows time 0, with everything at
     /// rest.
     ///
-    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. The receiver's noise
-    /// differs from time to time.
+    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. Each scene time has
+    /// its own receiver noise.
     pub fn set_time_s(&mut self, time_s: f64) {
         self.time_s = time_s;
         if self.bvh.moves() && self.active.effects.has(Effect::Motion) {

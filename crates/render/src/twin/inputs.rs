@@ -62,7 +62,7 @@ pub struct SheetFamily {
     pub drift: DVec2,
     /// Amplitude weight of the family; the squares of all weights sum to 1.
     pub share: f64,
-    /// Added to each sheet's number in its hash.
+    /// Number added to each sheet's index before hashing.
     pub salt: u32,
     /// Side of a cell, mm.
     pub cell_mm: f64,

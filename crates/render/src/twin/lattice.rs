@@ -31,7 +31,7 @@ pub fn scatterer_mm(cell: [i32; 3], bits: u32) -> DVec3 {
 /// A complex number of mean 0 and mean square 1, nearly Gaussian: its real and imaginary parts are sums of four nibbles
 /// each (Irwin–Hall).
 ///
-/// It represents the many scatterers of a real cell: speckle is fully developed even if a pulse covers few cells.
+/// It stands for the many scatterers of a real cell: speckle is fully developed even if a pulse covers few cells.
 pub fn scatterer_deviate(bits: u32) -> DVec2 {
     let sum = |from: u32| (0..4).map(|i| f64::from((bits >> (from + 4 * i)) & 15)).sum::<f64>();
     // Four times the variance of a nibble, (16² − 1)/12, in each of two parts.

@@ -39,18 +39,18 @@ pub struct Motion {
 /// A node of the tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Node {
-    /// Quantisation step of its children's boxes, mm.
+    /// Quantisation step of the children's boxes, mm.
     pub step_mm: DVec3,
-    /// Its children; empty slots are left out.
+    /// Children of the node; empty slots are left out.
     pub children: Vec<Child>,
 }
 
 /// A child of a node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Child {
-    /// Minimum corner of its box, mm.
+    /// Minimum corner of the child's box, mm.
     pub low_mm: DVec3,
-    /// Maximum corner of its box, mm.
+    /// Maximum corner of the child's box, mm.
     pub high_mm: DVec3,
     /// Node or triangles inside the box.
     pub below: Below,

@@ -4,8 +4,8 @@ use super::inputs::Inputs;
 use super::section::Run;
 use crate::constants::BRIGHTEST_PART;
 
-/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies. e^(−Σμ) is the map's
-/// 98th percentile.
+/// The 2nd percentile of Σμ, the one-way attenuation from the face, over the sector's area; nepers. e^(−Σμ) is the
+/// map's 98th percentile.
 pub fn percentile(inputs: &Inputs, runs: &[Vec<Run>]) -> f64 {
     let wanted = BRIGHTEST_PART * area(inputs, inputs.depth_mm) * runs.len() as f64;
     let in_front = |limit_np: f64| -> f64 { runs.iter().map(|r| area(inputs, reach_mm(inputs, r, limit_np))).sum() };

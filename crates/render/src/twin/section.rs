@@ -12,11 +12,11 @@ use crate::constants::{COUPLED_MIN, ONE_WAY};
 pub struct Run {
     /// Depth at which the run begins, mm.
     pub start_mm: f64,
-    /// One-way attenuation from the face to its start, Σμ in nepers.
+    /// One-way attenuation from the face to the run's start, Σμ in nepers.
     pub sum_np: f64,
     /// One-way attenuation in the run, nepers/mm.
     pub rate_np_mm: f64,
-    /// Index of its tissue.
+    /// Index of the run's tissue.
     pub tissue: usize,
 }
 

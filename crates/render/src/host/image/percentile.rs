@@ -7,8 +7,8 @@ use crate::params::Params;
 /// Number of partial sums.
 const LANES: usize = 8;
 
-/// One-way attenuation from the face, Σμ in nepers, below which 2 % of the sector's area lies. The inputs are the map
-/// rays' runs [map_rays × ENTRIES] and their counts. Found by bisection on Σμ, which never falls along a ray.
+/// The 2nd percentile of Σμ, the one-way attenuation from the face, over the sector's area; nepers. The inputs are the
+/// map rays' runs [map_rays × ENTRIES] and their counts. Found by bisection on Σμ, which never falls along a ray.
 pub(crate) fn percentile(
     params: &Params,
     constants: ImageConstants,

@@ -42,7 +42,7 @@ pub(in crate::host) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32
 #[derive(Debug)]
 pub(in crate::host) struct Outputs<'a> {
     paths: PathOutputs<'a>,
-    /// Outputs of these paths' axial paths, if each path is the only one of its scanline and has one.
+    /// Outputs of the paths' axial paths; `None` unless each scanline has a single path and an axial path.
     axial_paths: Option<PathOutputs<'a>>,
 }
 

@@ -57,7 +57,7 @@ pub(super) struct MediumChange {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NextInterface {
     At(MediumChange),
-    /// Only a search of the tree tells: candidates are missing, or the path has reflected.
+    /// Unknown until the tree is searched: candidates are missing, or the path has reflected.
     Unknown,
     /// The path ends before another interface.
     None,

@@ -1,6 +1,6 @@
 //! Crossings of a packet's rays, as in `shaders/shared/collect.wgsl`. The nearest one is chosen as in `nearest.wgsl`,
-//! except that surfaces below the medium's, of lower index, are kept apart. Each ray finds the same crossings as if
-//! traced alone.
+//! except that crossings of surfaces below the medium's (of lower index) are listed separately. Each ray finds the same
+//! crossings as if traced alone.
 
 use super::packet::{Packet, Visits, crossings};
 use super::traverse::{Crossing, Nearest, Tree, by_distance};

@@ -2,7 +2,7 @@
 
 /// Children of a node.
 pub(crate) const WIDTH: usize = 8;
-/// Set in a child that is a leaf; the bits below hold `first triangle << 2 | number of triangles`.
+/// Bit set in a child that is a leaf. The bits below hold `first triangle << 2 | number of triangles`.
 pub(crate) const LEAF: u32 = 1 << 31;
 
 /// A node of `anatomy::Bvh::nodes`, its boxes decoded.
