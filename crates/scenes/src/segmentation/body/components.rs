@@ -18,15 +18,15 @@ fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) 
     }
 }
 
-/// Smallest share of the largest part's volume at which a part is kept: that of a leg, or of an arm separate from the
-/// trunk.
+/// Smallest volume of a part that is kept, relative to the largest part. Legs exceed it, as do arms that are separate
+/// from the trunk.
 const PART_SHARE: f64 = 0.01;
 
 /// Keeps the large parts of `mask`, connected across voxel faces. Also keeps every part with a voxel for which `holds`
 /// is true.
 pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl Fn(usize) -> bool) {
     let mut part_of = vec![0u32; mask.len()];
-    // For each part, counted from 1: its size in voxels, and whether it is kept whatever its size.
+    // For each part, counted from 1: number of voxels, and whether the part is kept even if it is small.
     let mut found = vec![(0usize, false)];
     let mut stack = Vec::new();
     for start in 0..mask.len() {
@@ -55,7 +55,7 @@ pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl 
 }
 
 /// Gives each part of fewer than `voxels_min` voxels to the label that it touches most. A part is a connected region of
-/// one label, or of none. The last part of a label stays. Returns the number of parts that each label lost.
+/// one label or of background. The last part of a label stays. Returns the number of parts that each label lost.
 pub fn without_fragments(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
     let mut totals: HashMap<u16, usize> = HashMap::new();
     for &label in labels.iter() {
@@ -102,8 +102,8 @@ pub fn without_fragments(labels: &mut [u16], size: [usize; 3], voxels_min: usize
     gone
 }
 
-/// Indices of the part with the voxel `start`; `None` if it has at least `voxels_min` voxels, or one with a lower
-/// index.
+/// Voxel indices of the part that contains `start`. `None` if the part has at least `voxels_min` voxels, or a voxel
+/// with an index below `start`.
 fn fragment(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
     let mut found = vec![start];
     let mut next = 0;
@@ -140,8 +140,8 @@ mod tests {
                 }
             }
         }
-        labels[at(3, 3, 3)] = 2; // within 1
-        labels[at(9, 3, 3)] = 2; // alone: two parts of one voxel, the last one stays
+        labels[at(3, 3, 3)] = 2; // enclosed by label 1
+        labels[at(9, 3, 3)] = 2; // two parts of one voxel each: the last part stays
         labels[at(2, 2, 2)] = 0; // a hole
         labels[at(11, 5, 5)] = 3;
         let gone = without_fragments(&mut labels, size, 8);

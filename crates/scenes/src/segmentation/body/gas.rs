@@ -13,12 +13,12 @@ const GAS_HU: f32 = -400.0;
 pub enum Gas<'a> {
     /// Gas that a CT shows: HU of each voxel.
     Seen(&'a [f32]),
-    /// Share of the lumen with gas, 0..=1, from the front. It is the same in each slice of equal k, as loops of bowel
+    /// Share of the lumen that is gas, 0..=1, at its front. Each slice of equal k has the same share, as loops of bowel
     /// fill separately.
     Share(f64),
 }
 
-/// Indices of the voxels of `label` that are gas. They are at least `wall_mm` below the organ's surface.
+/// Indices of the voxels of `label` that are gas, all of them more than `wall_mm` below the organ's surface.
 pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -> Vec<usize> {
     let Some((low, high)) = bounds(labels, grid, label) else { return Vec::new() };
     let size: [usize; 3] = std::array::from_fn(|axis| high[axis] - low[axis] + 3);
@@ -45,7 +45,7 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
                 }
                 Gas::Share(share) => share,
             };
-            // Rows ascend to the patient's back, so the first ones are the most anterior.
+            // Rows ascend to the patient's back, so the first rows are the most anterior.
             let keep = (share.clamp(0.0, 1.0) * lumen.len() as f64).round() as usize;
             let row = |i: usize| i / size[0];
             // Only whole rows are kept, as gas has a level surface.
@@ -59,7 +59,7 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
     found
 }
 
-/// Lowest and highest index along each axis of a label's voxels; `None` without any.
+/// Lowest and highest index of a label's voxels along each axis; `None` for a label without voxels.
 fn bounds(labels: &[u16], grid: &Grid, label: u16) -> Option<([usize; 3], [usize; 3])> {
     let found = labels.par_iter().enumerate().filter(|(_, l)| **l == label).map(|(i, _)| (grid.at(i), grid.at(i)));
     found.reduce_with(|a, b| {

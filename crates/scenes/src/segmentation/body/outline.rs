@@ -20,9 +20,9 @@ pub enum OutlineSource {
 
 /// Lowest density that counts as body, HU: above that of air and foam.
 const BODY_HU: f32 = -250.0;
-/// Largest distance between slices, mm, at which the labels of one extend the hull of the other.
+/// Largest distance between two slices, mm, at which the labels of one slice extend the hull in the other.
 const REACH_MM: f64 = 60.0;
-/// Width up to which structures are removed from the body in an image, mm: the table, blankets, lines.
+/// Largest width, mm, of structures that are removed from the body in an image: the table, blankets, lines.
 const OPENING_MM: f64 = 6.0;
 
 /// Mask of the body from a given mask: its large parts, and all parts with a voxel for which `holds` is true. Holes are
@@ -50,8 +50,8 @@ pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     body
 }
 
-/// Mask of a body around the labels: in each slice a convex hull, grown by `margin_mm` on all sides. The hull contains
-/// the labels of slices up to 60 mm away, so that the body has no gaps between organs.
+/// Mask of a body around the labels: a convex hull in each slice, grown by `margin_mm` on all sides. The hull of a slice also
+/// encloses the labels of slices up to 60 mm away, so that the body has no gaps between organs.
 pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     let [nx, ny, nz] = grid.size;
     let reach = (REACH_MM / grid.voxel_mm().z).round() as usize;
@@ -76,7 +76,7 @@ pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     to_hull.par_iter().map(|&d| f64::from(d) <= margin_mm).collect()
 }
 
-/// First and last labelled voxel in each row of a slice, along x; only these can be corners of the hull.
+/// First and last labelled voxel in each row of a slice along x. No other voxel can be a corner of the hull.
 fn row_ends(slice: &[u16], nx: usize) -> Vec<Option<[usize; 2]>> {
     let ends = |row: &[u16]| Some([row.iter().position(|&l| l != 0)?, row.iter().rposition(|&l| l != 0)?]);
     slice.chunks(nx).map(ends).collect()

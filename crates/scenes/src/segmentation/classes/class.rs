@@ -51,7 +51,7 @@ pub struct Class {
     pub value: Option<u16>,
     /// Tissue; for hollow organs, the tissue of the lumen. `None` only for ignored classes.
     pub tissue: Option<String>,
-    /// Priority: where organs overlap, the higher one is kept. `None` only for ignored classes.
+    /// Priority: where organs overlap, the highest wins. `None` only for ignored classes.
     pub priority: Option<i32>,
     /// Use of the label.
     #[serde(default)]
@@ -65,7 +65,7 @@ pub struct Class {
     pub gas: Option<Gas>,
     /// Group to which the class belongs in pictures.
     pub group: Option<String>,
-    /// For a class that the user added by a mapping to an organ: name of that organ.
+    /// Name of the organ, if the user added the class by mapping a name to an organ.
     #[serde(skip)]
     pub organ: Option<String>,
 }
@@ -98,8 +98,8 @@ impl Class {
         }
     }
 
-    /// This class, completed. If it states only a name and a number, it gets the properties of the known class of that
-    /// name.
+    /// The class, with the properties of the known class of its name if it states only a name and a number. Other
+    /// classes are unchanged.
     pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
         let states_none = self.tissue.is_none()
             && self.priority.is_none()
@@ -114,7 +114,7 @@ impl Class {
         }
     }
 
-    /// Name of the organ that the class stands for: that of the mapping if the user added the class, else its own.
+    /// Name of the organ that the class stands for: the mapping's organ if the user added the class, else its own name.
     pub fn organ_name(&self) -> &str {
         self.organ.as_deref().unwrap_or(&self.name)
     }
@@ -127,8 +127,8 @@ impl Class {
         own.into_iter().chain(wall).chain(gas)
     }
 
-    /// Refuses a class with a missing value, or one outside its range; the error is a message about the first such
-    /// value.
+    /// Refuses a class with a missing value, or with a value outside its range. The error is a message about the first
+    /// such value.
     pub(super) fn check(&self) -> Result<(), String> {
         let ignored = self.role == Role::Ignore;
         if self.name.trim().is_empty() {

@@ -7,14 +7,14 @@ use thiserror::Error;
 /// A table or mapping that can't be used.
 #[derive(Debug, Error)]
 pub enum ClassError {
-    /// No built-in table of this name.
+    /// A name that no built-in table has.
     #[error("no table of classes is called `{name}`{nearest}; there are {known}")]
     UnknownTable {
         /// Name asked for.
         name: String,
         /// Suggestion, as text to append, or empty.
         nearest: String,
-        /// All names.
+        /// Names of all built-in tables.
         known: String,
     },
     /// A file that can't be read.
@@ -66,7 +66,7 @@ pub enum ClassError {
         path: PathBuf,
         /// Suggestion, as text to append, or empty.
         nearest: String,
-        /// All names and numbers.
+        /// The first names and numbers that occur, as text.
         known: String,
     },
     /// A mapping to an unknown target.

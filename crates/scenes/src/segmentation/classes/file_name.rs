@@ -1,4 +1,4 @@
-//! Organs in the names of files: many tools write one mask per organ.
+//! Organs in the names of files, for tools that write one mask per organ.
 
 use std::path::Path;
 
@@ -117,7 +117,7 @@ const MEANING: [&str; 55] = [
 /// Organ that a file's name stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrganInName {
-    /// Name of the organ's class. The other words of the file's name say nothing about organs.
+    /// Name of the organ's class; the other words of the file's name say nothing about organs.
     Is(String),
     /// Names of the classes that the file's name may mean.
     Maybe(Vec<String>),
@@ -143,8 +143,8 @@ pub struct CommonWords {
     pub end: Vec<String>,
 }
 
-/// Words that all names share at their start and at their end. Words that change the meaning of an organ's name end the
-/// search.
+/// Words that all names share at their start and at their end. The search stops at words that change the meaning of an
+/// organ's name.
 pub fn common_words(stems: &[String]) -> CommonWords {
     let all: Vec<Vec<String>> = stems.iter().map(|stem| words(stem)).collect();
     let [first, _, ..] = &all[..] else { return CommonWords::default() };
@@ -182,7 +182,7 @@ pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<&CommonWords
 }
 
 fn organ_in(words: &[String], table: &ClassTable) -> OrganInName {
-    // The longest run of words that names a class counts.
+    // The longest run of words that is the name of a class counts.
     for length in (1..=words.len()).rev() {
         let runs = words.windows(length).enumerate();
         let named: Vec<(usize, &str)> = runs

@@ -59,11 +59,8 @@ impl fmt::Display for Unmapped {
 }
 
 impl ClassTable {
-    /// Segments that have voxels: first those with a class, then those without one, both in the order of the map.
-    /// `measures` are those of `map`.
-    ///
-    /// Segments of ignored classes are among the first. A segment's class follows from its name, else from its coded
-    /// terms. Its number decides if it has neither, or if a mapping such as `7=liver` names the number.
+    /// Segments with voxels, in the order of the map: a list of segments with a class, including ignored classes, and a
+    /// list of segments without a class. `measures` are the measures of `map`.
     pub fn map(
         &self,
         map: &LabelMap,
@@ -89,7 +86,8 @@ impl ClassTable {
         (mapped, unmapped)
     }
 
-    /// Class of a segment: by its name, else by its coded terms, else, for a segment without a name, by its number.
+    /// Class of a segment: by its name, else by its coded terms, else by its number. The number of a segment with a name
+    /// counts only if a mapping such as `7=liver` names the number.
     pub fn class_of(&self, segment: &Segment) -> Option<&Class> {
         let by_text = |text: &Option<String>| text.as_deref().and_then(|text| self.named(text));
         let named = by_text(&segment.name).or_else(|| by_text(&segment.terminology));

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use super::key::key;
 use super::{Class, ClassError};
 
-/// Names and texts of the built-in tables. If several tables have a class name, that of the first one counts.
+/// Names and texts of the built-in tables. If several tables have a class of one name, the first table's class counts.
 const BUILTIN: [(&str, &str); 14] = [
     ("total-v2", include_str!("../../../assets/labels/total-v2.toml")),
     ("total-v1", include_str!("../../../assets/labels/total-v1.toml")),
@@ -31,7 +31,7 @@ const BUILTIN: [(&str, &str); 14] = [
     ("kits", include_str!("../../../assets/labels/kits.toml")),
 ];
 
-/// Number of complete tables. They come first, and their classes state all properties.
+/// Number of complete tables, which are the first of [`BUILTIN`]. Their classes state all properties.
 const WHOLE: usize = 6;
 
 /// Classes of the complete tables, by the keys of their names and aliases. Classes of the other tables state only a
@@ -87,7 +87,7 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// The built-in table called `name` without the names of the others, for comparisons. `None` if no table has that
+    /// The built-in table called `name` without the names of other tables, for comparisons. `None` if no table has that
     /// name.
     pub fn numbers_of(name: &str) -> Option<Self> {
         let (_, text) = BUILTIN.iter().find(|(known, _)| *known == name)?;
@@ -140,9 +140,9 @@ impl ClassTable {
         near.into_iter().take(3).map(|(index, _)| self.classes[index].name.clone()).collect()
     }
 
-    /// Adds a mapping `NAME=TARGET`. `NAME` may be the number of a label. `TARGET` is a class, whose properties the
-    /// name gets; a tissue, of which the name becomes an organ; or `ignore`, which leaves the name out of the scene. A
-    /// mapping replaces earlier mappings and known classes of its name.
+    /// Adds a mapping `NAME=TARGET`. `NAME` is a name or the number of a label. `TARGET` is a class, whose properties
+    /// `NAME` gets; a tissue, which makes `NAME` an organ of that tissue; or `ignore`, which leaves `NAME` out of the
+    /// scene. A mapping replaces earlier mappings and known classes of its name.
     ///
     /// # Errors
     /// A mapping of another form, or an unknown target.
@@ -160,7 +160,7 @@ impl ClassTable {
         let class = if target.eq_ignore_ascii_case("ignore") {
             Class::ignored(name)
         } else if let Some(known) = self.named(target) {
-            // A label number gets the name of its class; a name stays as it is.
+            // The class of a mapped number keeps the name of the target; a mapped name stays as it is.
             let name = if value.is_some() { &known.name } else { name };
             let organ = Some(known.organ_name().to_owned());
             Class { name: name.to_owned(), value: None, aliases: Vec::new(), organ, ..known.clone() }
@@ -175,7 +175,7 @@ impl ClassTable {
         match value {
             Some(value) => drop(self.by_added_value.insert(value, index)),
             None => {
-                // Keys and numbers that led to the old class of that name now lead to the new one.
+                // Keys and numbers of the old class of that name now refer to the new class.
                 if let Some(old) = self.by_key.insert(key(name), index) {
                     let all = self.by_key.values_mut().chain(self.by_value.values_mut());
                     all.filter(|i| **i == old).for_each(|i| *i = index);
@@ -223,7 +223,7 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// Adds the classes of all built-in tables, without their label numbers, under the names that aren't known yet.
+    /// Adds the classes of all built-in tables whose names aren't known yet, without their label numbers.
     fn add_builtin_names(&mut self) -> Result<(), ClassError> {
         for (name, text) in BUILTIN {
             for class in Self::parse(name, text)?.classes {

@@ -1,4 +1,4 @@
-//! Mappings by the user that match nothing.
+//! Check for mappings by the user that match nothing.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::segmentation::volume::LabelMap;
 /// Most names in a message.
 const LISTED_MAX: usize = 8;
 
-/// What mappings may refer to: the segments of a map, and the names of files.
+/// Segments of a map and names of files, to which mappings may refer.
 #[derive(Debug, Clone, Copy)]
 pub struct Mappable<'a> {
     /// Path of the file or folder, for messages.
@@ -28,7 +28,7 @@ pub struct Mappable<'a> {
 /// Refuses the first mapping `NAME=TARGET` whose name or number occurs nowhere. `table` has no mappings yet.
 ///
 /// # Errors
-/// A mapping whose name or number is not a segment's, not a file's, and not the target of another mapping.
+/// A mapping of a name or number that belongs to no segment and no file, and is no target of another mapping.
 pub fn check_mappings(maps: &[String], table: &ClassTable, of: &Mappable<'_>) -> Result<(), ClassError> {
     let sides = |map: &String| map.rsplit_once('=').map(|(name, target)| (name.trim().to_owned(), key(target)));
     let all: Vec<(String, String)> = maps.iter().filter_map(sides).collect();
@@ -69,7 +69,7 @@ impl Mappable<'_> {
         if self.stems.iter().any(within) {
             return true;
         }
-        // The name may be another name of a class that occurs.
+        // The name may be an alias of a class that occurs under another name.
         let Some(class) = table.named(name) else { return false };
         let common = common_words(self.stems);
         let is_called = |stem: &String| match organ_in_name(stem, table, Some(&common)) {
@@ -80,7 +80,7 @@ impl Mappable<'_> {
             || self.stems.iter().any(is_called)
     }
 
-    /// Names of the segments and files, each once.
+    /// Names of the segments, or their numbers, and names of the files; each once.
     fn known(&self) -> Vec<String> {
         let segments = self.labels.segments.iter().map(|segment| match segment.name.as_ref() {
             Some(name) => printable(name).into_owned(),
@@ -128,7 +128,7 @@ mod tests {
     fn mappings_of_names_numbers_and_files_that_are_there_are_taken() {
         let numbers = [None; 5];
         assert_eq!(checked(&["1=liver", "5=ignore"], &numbers, &[]), Ok(()));
-        // The class of a number, by its name or an alias.
+        // The mappings name the classes of the numbers, by name or alias.
         assert_eq!(checked(&["liver=ignore", "Right Kidney=muscle"], &numbers, &[]), Ok(()));
         assert_eq!(checked(&["segment 1=liver"], &[Some("Segment_1")], &[]), Ok(()));
         assert_eq!(checked(&["mine=spleen", "Segment_1=mine"], &[Some("Segment_1")], &[]), Ok(()));
