@@ -1,5 +1,5 @@
-//! Plausibility of labels: comparison with human anatomy, as named by the class table that was used and by all others.
-//! A class table gives each label number an organ.
+//! Plausibility of labels: comparison with human anatomy, for the class table that was used and for all other tables. A
+//! class table gives each label number an organ.
 //!
 //! The strain of a table is the sum of the evidence against it: label numbers that it lacks, and organs of unusual
 //! volume or position.
@@ -30,8 +30,8 @@ const LIKELIER_BY: f64 = 1.0;
 const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
-/// Largest difference in strain between two tables that count as equally good: that of one class of unknown volume,
-/// which is no evidence.
+/// Largest difference in strain between two tables that count as equally good: the strain of one class of unknown
+/// volume, which is no evidence.
 const ALIKE: f64 = UNTOLD_STRAIN;
 
 /// Number of labels up to which tables can't be told apart for certain. With so few labels, another table fits as well
@@ -48,12 +48,12 @@ const BODY_ML: f64 = 3000.0;
 pub struct Plausibility {
     /// Findings about organs, impossible ones first.
     pub findings: Vec<OrganFinding>,
-    /// Label numbers that the table doesn't have.
+    /// Label numbers that the table lacks.
     pub unknown: Vec<u16>,
     /// Names of built-in tables that fit the label numbers better, the best first.
     pub likelier: Vec<&'static str>,
-    /// For a few labels: names of built-in tables that give the numbers other meanings and fit about as well, the best
-    /// first.
+    /// Names of built-in tables that give the numbers other meanings and fit about as well, the best first. Empty for
+    /// maps of more than three labels.
     pub as_likely: Vec<&'static str>,
 }
 
@@ -138,7 +138,7 @@ impl OtherTables {
     }
 }
 
-/// Volume and position of each organ. Labels with the same organ name are added up.
+/// Volume and position of each organ. Labels of the same organ are merged.
 #[derive(Default)]
 struct Facts(Vec<OrganFact>);
 
@@ -159,7 +159,7 @@ impl Facts {
     }
 }
 
-/// Strain of `table` for the numbered labels; `None` if an organ would be impossible.
+/// Strain of `table` for the numbered labels; `None` if the table would make an organ impossible.
 fn strain(table: &ClassTable, numbered: &[(u16, &Measure)]) -> Option<f64> {
     let (mut facts, mut strain) = (Facts::default(), 0.0);
     for (value, measure) in numbered {
@@ -176,7 +176,7 @@ fn strain(table: &ClassTable, numbered: &[(u16, &Measure)]) -> Option<f64> {
     is_possible.then(|| strain + findings.iter().map(|finding| finding.strain).sum::<f64>())
 }
 
-/// Whether volumes of the class are known.
+/// Whether the usual volume of the class's organ is known.
 fn is_told(class: &Class) -> bool {
     insonify_core::anatomy::organs::is_known(class.organ_name())
 }
@@ -201,7 +201,7 @@ impl Plausibility {
         })
     }
 
-    /// Remarks on findings that do not prevent the scene, one line each.
+    /// Remarks on findings that are not errors, one line each.
     pub fn remarks(&self, names: &NameTable, is_allowed: bool) -> Vec<String> {
         let mut remarks = Vec::new();
         let is_impossible = self.findings.iter().any(|finding| finding.certainty == Certainty::Impossible);

@@ -13,13 +13,13 @@ use super::volume::LabelMap;
 
 /// Smallest share of the labelled voxels that a body or an image must contain, %.
 const COVERED_PERCENT: f64 = 80.0;
-/// Share of the labelled voxels, %, from which a body passes without a remark.
+/// Smallest share of the labelled voxels, %, that a body must contain to pass without a remark.
 const HELD_PERCENT: f64 = 99.0;
-/// Shares of an organ's voxels outside the body, %. From the first on, a message names the organ. From the second on,
-/// the body is refused.
+/// Shares of an organ's voxels outside the body, %: above `NAMED_PERCENT`, a message names the organ; above
+/// `MOSTLY_PERCENT`, the body is refused.
 const NAMED_PERCENT: f64 = 10.0;
 const MOSTLY_PERCENT: f64 = 50.0;
-/// Fewest voxels of an organ for the check.
+/// Fewest voxels of an organ that is checked on its own.
 const LEAST_VOXELS: usize = 100;
 /// A body counts as the labelled organs alone if its number of voxels, relative to that of the labelled voxels, is in
 /// this range.
@@ -36,9 +36,8 @@ pub(super) struct Labelled<'a> {
 }
 
 impl Labelled<'_> {
-    /// Refuses a volume (body or image) that contains too few of the labelled voxels. `inside` tells whether the volume
-    /// contains a voxel of the labels' grid. `holds` tells whether a voxel of the volume's own grid belongs to its
-    /// content.
+    /// Refuses a volume (body or image) that contains too few of the labelled voxels. `inside(i)` tells whether the
+    /// volume contains voxel `i` of the labels' grid; `holds(i)`, whether voxel `i` of `volume` is part of its content.
     pub(super) fn covered(
         &self,
         inside: &(dyn Fn(usize) -> bool + Sync),
@@ -62,8 +61,8 @@ impl Labelled<'_> {
     /// Mask, on the labels' grid, of the voxels that `map` labels as body, and a remark on organs outside the body.
     ///
     /// # Errors
-    /// A map without a labelled voxel, or of another scan. Unless `is_allowed`: a map that leaves an organ outside the
-    /// body, or that labels only the organs.
+    /// A map without a labelled voxel, or of another scan. Unless `is_allowed`: a map that leaves most of an organ
+    /// outside the body, or that labels only the organs.
     pub(super) fn body(&self, map: LabelMap, is_allowed: bool) -> Result<(Vec<bool>, Option<String>), GatherError> {
         let map = map.canonical();
         if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {
@@ -78,7 +77,7 @@ impl Labelled<'_> {
         Ok((body, remark))
     }
 
-    /// A remark on organs outside the body.
+    /// A remark on organs outside the body. Refuses a body as [`body`](Self::body) does, unless `is_allowed`.
     fn outside(&self, body: &[bool], path: &Path, is_allowed: bool) -> Result<Option<String>, GatherError> {
         let mut organs = vec![(0usize, 0usize); self.organs.len() + 1];
         let mut voxels = 0usize;

@@ -1,4 +1,4 @@
-//! From labels on a grid to the closed surfaces of a scene.
+//! Conversion of labels on a grid to the closed surfaces of a scene.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -14,18 +14,18 @@ use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
 
 /// Fewest voxels of a separate part of a label; smaller parts are fragments.
 const FRAGMENT_VOXELS: usize = 8;
-/// Shares of the triangles, 0..=1, for the body's outline and for the inner border of the fat.
+/// Shares of the triangles, 0..=1: for each side of the skin, and for the inner border of the fat.
 const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
 /// Largest error of mesh decimation, in voxels.
 const ERROR_VOXELS: f64 = 0.35;
-/// Wall thickness, in voxels, from which the inner side of a wall is meshed from voxels. The inner side of a thinner wall
-/// is its outer surface moved inward.
+/// Wall thickness, in voxels, from which the inner side of a wall is meshed from voxels. The inner side of a thinner
+/// wall is its outer surface moved inward.
 const THICK_VOXELS: f64 = 2.0;
 /// Largest distance that a surface is moved to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
 
-/// Options of making a scene.
+/// Options for making a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Thickness of the skin, mm; 0 for none.
@@ -55,11 +55,11 @@ pub struct Made {
     pub mesh: Mesh,
     /// Name of its segment; `None` for skin, fat and soft tissue.
     pub segment: Option<String>,
-    /// Volume of the segment's voxels, mm³; `None` for the inner sides of walls and for gas.
+    /// Source volume, mm³: of the segment, or of the body for the outermost surface. `None` for inner layers and gas.
     pub voxels_mm3: Option<f64>,
 }
 
-/// Surfaces of a scene, and facts about how they were made.
+/// Surfaces of a scene, and facts about their generation.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// Surfaces, ascending in priority.
@@ -94,7 +94,7 @@ pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static s
     let fragments = without_fragments(&mut inputs.labels, inputs.grid.size, FRAGMENT_VOXELS);
     let counts = count(&inputs.labels);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
-    // Ranks of labels are distinct: those of equal priority follow the order of the labels.
+    // Ranks of labels are distinct: labels of equal priority rank in ascending order.
     let rank = |label: u16| match priorities.get(usize::from(label).wrapping_sub(1)) {
         Some(&priority) => (u64::from(priority.wrapping_sub(i32::MIN) as u32) << 16 | u64::from(label)) + 1,
         None => 0,
@@ -144,7 +144,7 @@ fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
     (source, body::from_mask(mask, grid, |i| inputs.labels[i] != NONE))
 }
 
-/// Whether the body reaches each side of the grid: the low and high end of x, of y, of z.
+/// Whether the body reaches each side of the grid: low x, high x, low y, high y, low z, high z.
 fn cut_sides(body: &[bool], grid: &Grid) -> [bool; 6] {
     let inside = body.par_iter().enumerate().filter(|(_, inside)| **inside);
     let sides = inside.map(|(i, _)| {
@@ -186,7 +186,7 @@ fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
     body::from_mask(soft, grid, |i| inputs.labels[i] != NONE)
 }
 
-/// Voxels of fat, −200 to −20 HU, in a CT that shows the skin. They are connected to the outermost 4 mm of the body.
+/// Large connected parts of a CT's fat, −200 to −20 HU, and the outermost 4 mm of the body. `None` without a CT.
 fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     let image = inputs.ct()?;
     let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
@@ -285,8 +285,8 @@ impl Builder<'_> {
     ) {
         let organ_of = |label: u16| inputs.organs.get(usize::from(label).wrapping_sub(1));
         let mut complex = self.complex(&inputs.labels);
-        // A triangle belongs to the surface of each of the two labels that it separates. A label with a wall has a copy
-        // of it on the wall's inner side.
+        // A triangle belongs to the surfaces of the two labels that it separates. A label with a wall also has a copy
+        // of the triangle on the wall's inner side.
         let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + usize::from(o.wall.is_some()));
         let all: usize = complex.triangles.iter().flat_map(|t| &t.sides).map(copies).sum();
         let budget = (1.0 - 2.0 * BODY_SHARE - FAT_SHARE) * options.triangles as f64;
@@ -296,7 +296,7 @@ impl Builder<'_> {
         self.simplify(&mut complex, wanted, counts, &|done| progress("simplifying the organs", 0.5 + 0.35 * done));
         progress("walls and gas", 0.85);
         let step_mm = self.grid.voxel_mm().min_element();
-        // The inner side of a thick wall is meshed from voxels, that of a thin wall by moving its surface.
+        // A thick wall's inner side is meshed from voxels; a thin wall's inner side is its outer surface moved inward.
         let is_thick = |mm: f64| mm >= THICK_VOXELS * step_mm;
         let mut lumens = self.inner_parts(inputs, share, |label, organ| match &organ.wall {
             Some((_, mm)) if is_thick(*mm) => gas_of(&inputs.labels, self.grid, label, *mm, Gas::Share(1.0)),
@@ -318,8 +318,8 @@ impl Builder<'_> {
         self.gas(inputs, share);
     }
 
-    /// Meshes of inner regions of organs, by label. `voxels_of` gives the indices of a region's voxels for a label and
-    /// its organ. `share` is the share of the triangles that decimation keeps.
+    /// Meshes of regions within organs, such as lumens, by label. `voxels_of` gives the voxel indices of the region
+    /// of a label and its organ. `share` is the share of the triangles that decimation keeps, 0..=1.
     fn inner_parts(
         &self,
         inputs: &Inputs,

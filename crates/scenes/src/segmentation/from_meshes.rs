@@ -1,4 +1,4 @@
-//! From meshes of organs to the closed surfaces of a scene: walls, and a body around them.
+//! Conversion of meshes of organs to the closed surfaces of a scene: organs, their walls, and a body around them.
 
 use insonify_core::anatomy::{Bounds, Mesh};
 
@@ -9,13 +9,13 @@ use super::meshing::Part;
 use super::summary::remark_of_outline;
 use super::voxels::{inside_of, voxels_within};
 
-/// Side of the voxels for a body that is drawn around the meshes, mm.
+/// Voxel spacing for a body that is drawn around the meshes, mm.
 const VOXEL_MM: f64 = 2.5;
 
 /// A closed mesh (LPS, mm) and its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrganMesh {
-    /// Name of its surface.
+    /// Name of the organ's surface.
     pub name: String,
     /// Class of the mesh.
     pub class: Class,
@@ -23,7 +23,7 @@ pub struct OrganMesh {
     pub mesh: Mesh,
 }
 
-/// Classes of layers that every generated body has anyway: meshes of these classes are left out.
+/// Classes of layers that are generated within a given body. Meshes of these classes are then left out.
 const LAYERS: [&str; 4] = ["fat", "soft_tissue", "subcutaneous_fat", "torso_fat"];
 
 /// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of
@@ -72,7 +72,7 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     (made, remarks)
 }
 
-/// Share of an organ's volume from which a separate piece is reported.
+/// Smallest volume of a separate piece that is reported, relative to its organ.
 const PIECE: f64 = 0.15;
 
 /// Remarks on organs that occur more than once, and on organs of several separate pieces.
@@ -150,7 +150,7 @@ fn of_part(
     }
 }
 
-/// Share of an organ's vertices outside the body from which the organ is reported.
+/// Smallest share of an organ's vertices outside the body, 0..=1, for which the organ is reported.
 const OUTSIDE: f64 = 0.1;
 
 /// A remark on organs that extend outside the body; `body` is a mask on `grid`.

@@ -1,4 +1,4 @@
-//! From label maps and their classes to labels on one grid, the inputs of a scene.
+//! Conversion of label maps and their classes to labels on one grid, the inputs of a scene.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,14 +16,14 @@ use super::inputs::{Inputs, Organ};
 use super::measure::Measure;
 use super::volume::{Image, LabelMap};
 
-/// Inputs of a scene from a label map with its measures, and the segments that were left out. `body` is a label map in
-/// which every label is body; `image` is the image that was segmented. Each of the three may have its own grid.
+/// Inputs of a scene from a label map with its measures, and the segments that were left out. All labels of `body`
+/// count as body; `image` is the image that was segmented. `labels`, `body` and `image` may have different grids.
 ///
 /// # Errors
 /// - No labelled voxel; or segments without a meaning, unless `leave_out_unknown`.
 /// - No organ at all, or more organs than a scene has surfaces.
-/// - A body without a voxel. Unless `allow_implausible`, a body that leaves an organ outside or consists of the organs
-///   alone.
+/// - A body without a voxel. Unless `allow_implausible`, a body that leaves most of an organ outside or consists of the
+///   organs alone.
 /// - A body or an image of another scan; an image that is refused ([`ImageError`](super::image::ImageError)).
 /// - More voxels than there is memory for.
 pub fn gather(
@@ -99,7 +99,7 @@ pub fn gather(
     Ok((inputs, unmapped))
 }
 
-/// Remarks on a file, with its name.
+/// Remarks on a file, each preceded by the file's name.
 fn remarks_of(path: &Path, remarks: &[String]) -> Vec<String> {
     let name = path.file_name().unwrap_or(path.as_os_str()).display();
     remarks.iter().map(|remark| format!("{name}: {remark}")).collect()

@@ -13,10 +13,10 @@ const LISTED_MAX: usize = 5;
 /// Number of unknown segments above which the file is likely an image instead of a label map.
 const IMAGE_VALUES: usize = 20;
 
-/// Label maps that cannot become a scene.
+/// Error in making the inputs of a scene from a label map, a body and an image.
 #[derive(Debug, Error)]
 pub enum GatherError {
-    /// Segments without a tissue.
+    /// Segments without a known meaning.
     #[error(
         "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
          --leave-out-unknown{}",
@@ -104,13 +104,13 @@ pub enum GatherError {
     Memory {
         /// Path of the label map or image.
         path: PathBuf,
-        /// Memory that is missing.
+        /// Size of the missing memory.
         none: NoMemory,
     },
     /// An image that doesn't fit the labels, or isn't of the expected kind.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A file without a body.
+    /// A label map of the body that contains only background.
     #[error("{path}, given as --body, labels nothing but background")]
     NoBody {
         /// Path of the label map.

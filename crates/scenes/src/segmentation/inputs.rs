@@ -1,4 +1,4 @@
-//! Inputs of a scene: labels on a grid, organs, and what is known of the body.
+//! Inputs of a scene: labels on a grid, organs, and the body's outline, fat and image if they are known.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ pub struct Organ {
     pub name: String,
     /// Tissue that fills the organ.
     pub tissue: String,
-    /// Priority among organs: where segments overlap, the highest one wins.
+    /// Priority among organs: where segments overlap, the highest priority wins.
     pub priority: i32,
     /// Tissue and thickness (mm) of the organ's wall, which lies just within its surface.
     pub wall: Option<(String, f64)>,
@@ -76,7 +76,7 @@ impl Inputs {
         (voxels as u64).saturating_mul(WORKING_BYTES)
     }
 
-    /// The inputs on a grid cropped to the body. The margin around the body is free, except on sides where the scan
+    /// The inputs on a grid cropped to the body, with an empty margin around the body except on sides where the scan
     /// itself ends.
     pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
         let grid = &self.grid;
@@ -85,8 +85,8 @@ impl Inputs {
         let margin_mm = if guessed { hull_margin_mm(skin_mm, fat_mm) } else { 0.0 };
         let voxel_mm = grid.voxel_mm();
         let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
-        // `first` and `last` are indices in the old grid of the new grid's corners. Around a guessed body there is a
-        // margin in x and y even at the map's border, since maps are often cropped to their organs.
+        // Corners `first` and `last` of the new grid, as voxel indices in the old grid. A guessed body gets a margin
+        // in x and y even at the map's border, since maps are often cropped to their organs.
         let ends = |n: usize, at_border: bool| at_border && !(guessed && n < 2);
         let first: [i64; 3] =
             std::array::from_fn(|n| if ends(n, low[n] == 0) { 0 } else { low[n] as i64 - margin(n) as i64 });

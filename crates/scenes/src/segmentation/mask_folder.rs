@@ -1,8 +1,8 @@
 //! A folder of masks, one file per organ, as TotalSegmentator writes it by default.
 //!
 //! Files are read one after another into one label map, so that memory holds only the map and one mask. Organs share a
-//! layer of the map. Where their masks overlap, the class of higher priority keeps the voxel; at equal priority, the
-//! file that comes first by name. Body, skin and subcutaneous fat have layers of their own.
+//! layer of the map. Where masks overlap, the class of higher priority gets the voxel. At equal priority, the file that
+//! comes first by name gets the voxel. Body, skin and subcutaneous fat have layers of their own.
 
 mod error;
 #[cfg(test)]
@@ -25,7 +25,7 @@ use super::classes::{
 use super::naming::NamesFrom;
 use super::volume::{LabelMap, ReadOptions, Segment, read_labels};
 
-/// Two grids count as the same if their corresponding corners are at most this far apart, in voxels.
+/// Largest distance, in voxels, between corresponding corners of two grids that count as equal.
 const SAME_GRID_VOXELS: f64 = 0.05;
 
 /// Most files in a message.
@@ -38,7 +38,7 @@ pub struct MaskFolder {
     pub labels: LabelMap,
     /// Origin of the names.
     pub names: NamesFrom,
-    /// Descriptions of the files that were left out because their names have no meaning.
+    /// Descriptions of the files that were left out because their names are unknown.
     pub left_out: Vec<String>,
     /// Remarks on the masks, one line each.
     pub remarks: Vec<String>,
@@ -53,8 +53,8 @@ struct Mask {
 /// Reads the masks of a folder. `progress` receives the number of files read and their total.
 ///
 /// # Errors
-/// A folder without masks; a name that is no organ's, unless `leave_out_unknown` and others are; masks that are all
-/// ignored or all empty; files of several labels, on other grids, or that can't be read.
+/// A folder without masks; an unknown name, unless `leave_out_unknown` and other names are known; two masks of one
+/// organ; masks that are all ignored or all empty; files of several labels, on other grids, or that can't be read.
 pub fn read_mask_folder(
     folder: &Path,
     table: &ClassTable,
@@ -151,8 +151,8 @@ fn no_meaning(folder: &Path, names: &[String]) -> MaskFolderError {
     MaskFolderError::Unknown { path: folder.to_owned(), names: listed(names, LISTED_MAX, "; ") }
 }
 
-/// Words common to all file names that were left out to find the classes, as text. Empty if every name is known as it
-/// is.
+/// Words shared by all file names that were left out in finding the classes, as text. Empty if every name is known
+/// with these words.
 fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) -> String {
     let none = CommonWords::default();
     if stems.iter().all(|stem| matches!(organ_in_name(stem, table, Some(&none)), OrganInName::Is(_))) {
@@ -222,7 +222,7 @@ struct Placed {
 #[derive(Default)]
 struct Merged {
     grid: Option<Placed>,
-    /// Labels of each layer with the layer's role.
+    /// Layers, each with the role of its classes and its labels.
     layers: Vec<(Role, Vec<u16>)>,
     segments: Vec<Segment>,
     /// Priority of each label, by label − 1.
@@ -330,7 +330,7 @@ impl Merged {
         remarks
     }
 
-    /// Names of masks that have no voxel left because other masks cover all of them.
+    /// Names of masks whose voxels all went to other masks.
     fn covered(&self) -> Vec<&str> {
         let mut left = vec![false; self.segments.len() + 1];
         for (_, layer) in &self.layers {

@@ -11,7 +11,7 @@ use super::volume::LabelMap;
 /// Number of slabs that are counted in parallel.
 const SLABS: usize = 8;
 
-/// Voxels of one label.
+/// Voxel count, volume and centre of one label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
     /// Number of voxels.
@@ -25,7 +25,7 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// The facts about this label as an organ called `name`.
+    /// Volume and position of this label as an organ called `name`.
     pub fn fact(&self, name: &str) -> OrganFact {
         let Self { volume_ml, centre_mm, is_cut, .. } = *self;
         OrganFact { name: name.to_owned(), volume_ml, centre_mm, is_cut }

@@ -1,4 +1,4 @@
-//! Origin of the labels' names: names in the file, label numbers of a class table, or names of files.
+//! Origin of the labels' names: names in the file, a class table's names for the numbers, or names of files.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -21,7 +21,7 @@ pub struct NameTable {
     pub table: ClassTable,
     /// Name of the table, or path of its file.
     pub called: String,
-    /// Whether the user chose the table. If so, numbers are looked up in it, whatever the file is called.
+    /// Whether the user chose the table. If so, it decides on numbers even if the file's name is an organ's.
     pub is_chosen: bool,
 }
 
@@ -186,7 +186,7 @@ fn listed_values(values: &[u16]) -> String {
     listed(&words, LISTED_MAX, ", ")
 }
 
-/// Name of the part of such a file that holds the labels' names, for messages.
+/// Name of the part of the file at `path` that holds the labels' names, for messages.
 fn part(path: &Path) -> &'static str {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if name.ends_with(".nrrd") || name.ends_with(".nhdr") {
@@ -196,7 +196,7 @@ fn part(path: &Path) -> &'static str {
     }
 }
 
-/// Decides where the labels of a map get their names. If a lone label has no name, and the file is called like an
+/// Finds the origin of the names of a map's labels. If the map's only label has no name, and the file is named after an
 /// organ, the label gets that name.
 ///
 /// # Errors

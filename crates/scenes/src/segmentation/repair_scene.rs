@@ -8,8 +8,8 @@ use insonify_core::anatomy::{Mesh, SceneError};
 
 use super::repair::{RepairSettings, SurfaceRepair, repair};
 
-/// Repairs the surfaces of the scene at `path` one by one. Returns the mended surfaces, except those of which nothing
-/// is left, and a report on each surface. `progress` receives the number of surfaces done and their total.
+/// Repairs the surfaces of the scene at `path` one by one. Returns the repaired surfaces that have a triangle left, and
+/// a report on each surface. `progress` receives the number of surfaces done and their total.
 ///
 /// # Errors
 /// A file that is not complete, valid glTF; a surface that cannot be read or has no tissue.

@@ -60,7 +60,7 @@ impl Shape {
         self.extent_mm[0][1] - self.extent_mm[0][0]
     }
 
-    /// Unit vector along the longest axis, in the sense that is nearer to `direction`.
+    /// Unit vector along the longest axis, with its sign chosen to point towards `direction`.
     pub fn long_axis(&self, direction: DVec3) -> DVec3 {
         if self.axes[0].dot(direction) < 0.0 { -self.axes[0] } else { self.axes[0] }
     }

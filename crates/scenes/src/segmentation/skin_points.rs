@@ -25,8 +25,8 @@ pub fn points_path(scene: &Path) -> PathBuf {
     scene.with_extension("points.csv")
 }
 
-/// Points of the skin to touch, LPS, mm. Some lie over the lower end of the sternum and the front of both hip bones, if
-/// these are segments. The others lie around the body, wherever there is skin.
+/// Points of the skin to touch, LPS, mm: over the lower end of the sternum and the front of both hip bones, if these
+/// bones are segments, and around the body, wherever there is skin.
 pub fn skin_points(surfaces: &[Made], sight: &Sight) -> Vec<Named<DVec3>> {
     let mut points = Vec::new();
     let mut add = |name: &str, from_mm: DVec3, direction: DVec3| {

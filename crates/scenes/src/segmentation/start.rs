@@ -1,4 +1,4 @@
-//! Where to begin on a patient: acoustic windows, the first view, and a probe for it.
+//! Start of an examination: acoustic windows of the patient, the first view, and a probe for that view.
 
 use glam::DVec3;
 use insonify_core::anatomy::planes::{StandardPlanes, View};
@@ -13,10 +13,10 @@ use super::skin_points::skin_points;
 use super::station_text::ProbeChoice;
 use super::windows::{Sight, WindowRow, look_at, windows};
 
-/// Range of acoustic impedances that ultrasound passes, MRayl: above gas, below bone.
+/// Acoustic impedances of tissues that ultrasound passes, MRayl: above gas, below bone.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
-/// Image depth below the centre of the deepest window's plane, mm.
+/// Distance from the centre of the deepest window's plane to the bottom of the image, mm.
 const BELOW_MM: f64 = 25.0;
 
 /// Error if no probe position can be found.
@@ -46,12 +46,12 @@ pub enum StartError {
     },
 }
 
-/// Where to start on a patient: windows, first view and probe.
+/// Start of an examination: acoustic windows, first view and probe.
 #[derive(Debug, Clone)]
 pub struct Start {
     /// Standard planes with their acoustic windows on the patient; may be empty.
     pub planes: StandardPlanes,
-    /// Table row of each window: how much of it is hidden.
+    /// Table row of each window, with the hidden share of its target.
     pub windows: Vec<WindowRow>,
     /// Name of the segment in the first view.
     pub target: String,
@@ -64,11 +64,11 @@ pub struct Start {
 }
 
 impl Start {
-    /// Windows and first view of `surfaces`, whose scan ends at `cuts`. The view shows the segment `target`. Without
-    /// `target`, it shows the segment of the best window, or else the largest segment.
+    /// Windows and first view of `surfaces`; `cuts` are the planes at which the scan ends. The view shows the segment
+    /// `target`. Without `target`, the view shows the segment of the best window, or else the largest segment.
     ///
     /// # Errors
-    /// `target` is no segment; there is no skin from which the segment can be seen.
+    /// A `target` that is no segment; no segment at all; a segment that can't be seen from any skin.
     pub fn of(
         surfaces: &[Made],
         cuts: Vec<CutPlane>,

@@ -1,4 +1,4 @@
-//! A station file for a patient's scene: a probe that fits the first view, and its pose.
+//! Station file for a patient's scene, with a probe that fits the first view and the pose of the probe.
 
 use std::fmt::Write as _;
 
@@ -8,9 +8,9 @@ use insonify_core::pose::Pose;
 
 /// Smallest and largest image depth, mm.
 const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
-/// Image depth below the organ's deepest point, mm.
+/// Distance from the organ's deepest point to the bottom of the image, mm.
 const BELOW_MM: f64 = 15.0;
-/// Image depth below which a linear probe is chosen, mm.
+/// Largest image depth for which a linear probe is chosen, mm.
 const LINEAR_MM: f64 = 60.0;
 
 /// Probe for a view.
@@ -48,8 +48,8 @@ impl ProbeChoice {
     }
 }
 
-/// Text of a station file for `scene`, a path relative to that file. `what` is what the view shows, for a comment in
-/// it.
+/// Text of a station file for `scene`, a path relative to the station file. `what` names the content of the view, for a
+/// comment in the file.
 pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -> String {
     let ProbeChoice { is_convex, frequency_mhz, depth_mm, focus_mm } = *probe;
     let mut out = String::new();

@@ -20,13 +20,13 @@ pub struct Row {
     pub name: String,
     /// Name of the tissue inside the surface.
     pub tissue: String,
-    /// Priority: where surfaces overlap, the highest is the medium.
+    /// Priority: where surfaces overlap, the surface of highest priority determines the tissue.
     pub priority: i32,
     /// Number of triangles.
     pub triangles: usize,
     /// Volume within the surface, ml.
     pub mesh_ml: f64,
-    /// Volume of the segment's voxels, ml; `None` for a surface that doesn't belong to a segment.
+    /// Source volume, ml, as in [`Made::voxels_mm3`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxels_ml: Option<f64>,
 }
@@ -53,10 +53,10 @@ pub struct Summary {
     pub source: PathBuf,
     /// Surfaces, ascending in priority.
     pub surfaces: Vec<Row>,
-    /// Facts about how the scene was made; `None` for scenes made of meshes.
+    /// Facts about the generation of the scene; `None` for scenes made of meshes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub facts: Option<Facts>,
-    /// Names without a tissue, each with what is known about it.
+    /// Descriptions of the segments or files that were left out because their names are unknown.
     pub unmapped: Vec<String>,
     /// Repairs, one line each.
     pub repairs: Vec<String>,

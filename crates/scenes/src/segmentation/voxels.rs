@@ -6,15 +6,15 @@ use rayon::prelude::*;
 
 use super::grid::Grid;
 
-/// Offset of the test lines from voxel centres, in voxels. Because of it, they miss the corners and edges of most
-/// meshes.
+/// Offset of the test lines from voxel centres, in voxels. With this offset, the lines miss the corners and edges of
+/// most meshes.
 const ASIDE: [f64; 2] = [0.017_31, 0.023_77];
 
 /// Largest number of voxels of a grid.
 const VOXELS_MAX: f64 = 5e8;
 
-/// Grid with voxels of `voxel_mm` around `meshes` (LPS), `margin` voxels larger on each side, and the mask of the
-/// voxels that any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
+/// Grid with voxels of `voxel_mm` around `meshes` (LPS), with a margin of `margin` voxels, and the mask of the voxels
+/// that any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
 pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(Grid, Vec<bool>)> {
     let bounds = meshes.iter().filter_map(|mesh| mesh.bounds_mm()).reduce(|a, b| Bounds::with(a.with(b.min), b.max))?;
     let low = bounds.min.as_dvec3() - voxel_mm * margin as f64;
@@ -46,8 +46,8 @@ pub fn inside_of(meshes: &[&Mesh], grid: &Grid) -> Vec<bool> {
     inside
 }
 
-/// For each column of voxels along k: where its line crosses the mesh, as height in voxels, with 1 if the line leaves
-/// the mesh upward and −1 if it enters.
+/// Crossings of the mesh by the test line of each column of voxels along k: height in voxels, and 1 if the upward line
+/// leaves the mesh or −1 if the line enters.
 fn crossings(mesh: &Mesh, grid: &Grid) -> Vec<Vec<(f64, i32)>> {
     let [nx, ny, _] = grid.size;
     let mut columns = vec![Vec::new(); nx * ny];

@@ -158,7 +158,7 @@ fn few_organs_of_the_table_for_mr_are_refused_by_its_name() {
 
 #[test]
 fn a_chosen_table_is_doubted_and_used() {
-    // As a spleen and a kidney, the labels are unusually large and small; a liver and its tumour are likelier.
+    // As spleen and kidney, the labels would be unusually large and small. Liver and liver tumour are likelier.
     let (labels, measures) = numbered("lits", DVec3::ONE, |_| true);
     let (chosen, from) = names("total-v2", true);
     let found = plausibility(&labels, &measures, &chosen, &from);
@@ -222,7 +222,7 @@ fn a_mirrored_map_is_refused_with_its_axes_and_can_be_allowed() {
         assert!(error.contains(word), "{word}: {error}");
     }
     assert!(error.contains("the labels are not those of a human: "), "{error}");
-    // The numbers are right.
+    // The label numbers fit the table that was used.
     assert!(!error.contains("No built-in table"), "{error}");
     let remarks = found.remarks(&default, true);
     assert!(remarks[0].starts_with("--allow-implausible: ") && remarks[0].contains("exchanged"), "{remarks:?}");

@@ -10,7 +10,7 @@ use super::super::volume::VolumeError;
 /// A folder of masks that can't be read as one label map.
 #[derive(Debug, Error)]
 pub enum MaskFolderError {
-    /// The operating system's refusal.
+    /// A folder that the operating system can't read.
     #[error(transparent)]
     File(#[from] FileError),
     /// A folder without a volume file.
@@ -21,12 +21,12 @@ pub enum MaskFolderError {
     NoMasks {
         /// Path of the folder.
         path: PathBuf,
-        /// What was found instead.
+        /// Content of the folder, as text.
         found: String,
-        /// Way out, with a semicolon before it, or empty.
+        /// Advice, starting with a semicolon, or empty.
         remedy: String,
     },
-    /// Files whose names are not those of organs.
+    /// Files whose names are not names of organs.
     #[error(
         "{path}: {names}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
          --leave-out-unknown; a file of several organs is given alone"
