@@ -50,8 +50,8 @@ pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     body
 }
 
-/// Mask of a body around the labels: a convex hull in each slice, grown by `margin_mm` on all sides. A hull also encloses
-/// the labels of slices up to 60 mm away, so that the body has no gaps between organs.
+/// Mask of a body around the labels: a convex hull in each slice, grown by `margin_mm` on all sides. A hull also
+/// encloses the labels of slices up to 60 mm away, so that the body has no gaps between organs.
 pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     let [nx, ny, nz] = grid.size;
     let reach = (REACH_MM / grid.voxel_mm().z).round() as usize;

@@ -86,8 +86,8 @@ impl ClassTable {
         (mapped, unmapped)
     }
 
-    /// Class of a segment: by its name, else by its coded terms, else by its number. The number of a segment with a name
-    /// counts only if a mapping such as `7=liver` names the number.
+    /// Class of a segment: by its name, else by its coded terms, else by its number. The number of a segment with a
+    /// name counts only if a mapping such as `7=liver` names the number.
     pub fn class_of(&self, segment: &Segment) -> Option<&Class> {
         let by_text = |text: &Option<String>| text.as_deref().and_then(|text| self.named(text));
         let named = by_text(&segment.name).or_else(|| by_text(&segment.terminology));

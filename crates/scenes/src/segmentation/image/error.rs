@@ -28,7 +28,7 @@ pub enum ImageError {
         /// Advice, as a sentence without a full stop.
         remedy: String,
     },
-    /// Soft tissue at voxels where the image has air.
+    /// An image with air at voxels that are labelled as soft tissue.
     #[error(
         "{path}, given as --image, doesn't fit the labels: {percent:.0} % of the soft tissue lies in {what} ({seen}). {hint}"
     )]
@@ -37,7 +37,7 @@ pub enum ImageError {
         path: PathBuf,
         /// Share of the soft tissue in air, %.
         percent: f64,
-        /// Dark material at the soft tissue: air, or the background.
+        /// Name of the dark material that the soft tissue lies in: air, or the background.
         what: &'static str,
         /// Value of the soft tissue, as text.
         seen: String,
@@ -54,8 +54,8 @@ pub enum ImageError {
         path: PathBuf,
         /// Direction, as `left to right`.
         direction: String,
-        /// Ratio of edges at organs' borders to edges within organs, of the mirror image relative to the image as
-        /// given.
+        /// Quality of the mirror image relative to the image as given; quality is the ratio of edges at organs'
+        /// borders to edges within organs.
         times: f64,
     },
 }

@@ -7,25 +7,25 @@ use super::judge::Judgement;
 use super::levels::{Levels, Matter, Sample, quantile, value};
 use crate::segmentation::volume::Image;
 
-/// Density between those of soft tissue and aerated lung, HU.
+/// Density between soft tissue and aerated lung, HU. Lower values count as air.
 const AIR_HU: f32 = -300.0;
-/// Shares of the soft tissue in air, 0..=1: from which a CT is refused, from which an MR is refused (there in the dark
-/// background), and from which a CT gets a remark.
+/// Largest shares of the soft tissue in air, 0..=1: in a CT that is accepted, in an MR that is accepted (dark
+/// background instead of air), and in a CT that gets no remark.
 const REFUSED_SHARE: f64 = 0.2;
 const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
 /// Brightness below which an image other than a CT shows background, relative to its brightest voxels.
 const BACKGROUND: f32 = 0.03;
-/// Smallest ratios for which a mirror image counts as right: of its quality to that of the image as given, and of its
-/// edges at organs' borders to those within organs.
+/// Smallest ratios at which a mirror image counts as right: its quality relative to the image as given, and its edges
+/// at organs' borders relative to its edges within organs.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
 /// Fewest organs from which a mirror image is refused. One or two organs may fit better by chance.
 const TELLING_ORGANS: usize = 3;
-/// Value added to the mean difference of neighbours within organs, relative to the largest difference that counts.
-/// Without it, an image without noise would cause a division by zero.
+/// Value added to the mean difference of neighbours within organs, relative to the limit of differences. The value
+/// prevents a division by zero for images without noise.
 const NOISE: f64 = 0.02;
-/// Difference of neighbours above which larger ones count no more, relative to the image's range of values.
+/// Limit of the difference of neighbours, relative to the image's range of values. Larger differences are clamped.
 const EDGE: f32 = 0.1;
 /// Smallest plausible density of the dense parts of bone, and of bone's median, HU. Marrow without minerals has about
 /// the density of soft tissue.
@@ -39,8 +39,8 @@ struct Fit {
     mirrored: [bool; 3],
     /// Share of the soft tissue in air, 0..=1.
     in_air: f64,
-    /// Mean difference of neighbouring voxels at the borders of organs, each organ with the same weight; and within
-    /// organs.
+    /// Mean differences of neighbouring voxels: at the borders of organs, where all organs have the same weight, and
+    /// within organs.
     edges: f64,
     inner: f64,
     /// Ratio of differences at borders to differences within organs.
@@ -52,7 +52,7 @@ struct Fit {
 /// Remarks on the fit of an image.
 ///
 /// # Errors
-/// Soft tissue in air, and a mirror image that fits better.
+/// Too much soft tissue in air; a mirror image that fits better, if three or more organs have borders in the image.
 pub(super) fn check(
     image: &Image,
     sample: &Sample,

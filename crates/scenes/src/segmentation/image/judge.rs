@@ -6,8 +6,8 @@ use crate::segmentation::body::{distances_mm, from_mask};
 use crate::segmentation::grid::Grid;
 use crate::segmentation::volume::{Image, Modality};
 
-/// Value below which an image is in HU, since only air is that low. MR images have no, or only slightly, negative
-/// values.
+/// Limit of the lowest value, HU: an image with lower values is in HU, since only air is that low. MR images have no
+/// negative values, or only slightly negative ones.
 const AIR_HU: f32 = -500.0;
 /// Range of air in HU.
 const AIR_RANGE_HU: std::ops::Range<f32> = -1100.0..-900.0;
@@ -17,16 +17,16 @@ const AIR_TO_SOFT_HU: std::ops::Range<f32> = 950.0..1250.0;
 const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
 /// Range of the median of soft tissue in HU, with and without contrast agent.
 const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
-/// Value that no median of soft tissue in HU exceeds, with contrast agent included.
+/// Largest plausible median of soft tissue in HU, even with contrast agent.
 const SOFT_HU_MAX: f32 = 400.0;
-/// Value in HU that no median of soft tissue exceeds in an image that the user states to be a CT. Blood with contrast
-/// agent stays below it, and values without their rescale intercept lie above it.
+/// Largest accepted median of soft tissue, HU, in an image that the user states to be a CT. Blood with contrast agent
+/// is below this limit, and values without their rescale intercept are above it.
 const STATED_SOFT_HU_MAX: f32 = 800.0;
 /// Range of fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
-/// Lowest value of a clipped CT, HU, above which fat can't be told from air.
+/// Largest lower end of a clipped CT's window, HU, at which fat can be told from air.
 const WINDOW_HU: f32 = -125.0;
-/// Smallest difference of fat and soft tissue, relative to that of soft tissue and air, that makes an image an MR.
+/// Smallest contrast of fat to soft tissue, relative to the contrast of soft tissue to air, that shows an MR.
 const BRIGHT_FAT: f32 = 0.5;
 /// Range of depths below the skin at which fat is sought, mm.
 const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
@@ -41,8 +41,8 @@ pub(super) enum Judgement {
     Other(String),
 }
 
-/// Judges an image by its values. `fat_ring(limit)` gives the median value just under the skin of the body, if all
-/// values above `limit` are the body.
+/// Judges an image by its values. `fat_ring(limit)` gives the median value just under the skin of the body, where all
+/// voxels above `limit` count as body.
 pub(super) fn judge(
     image: &Image,
     levels: &Levels,
@@ -154,15 +154,15 @@ fn window(
     Ok(Judgement::Window { low, reason })
 }
 
-/// Whether an image whose values don't reach air is in HU: it has negative fat, and bone is as far above organs as in a
-/// CT.
+/// Whether an image without values of air is in HU: fat is negative, and bone is as far above organs as in a CT. Also
+/// true for values that are clipped above fat.
 fn is_hu_scale(levels: &Levels) -> bool {
     let (low, high) = (levels.least(), levels.most());
     let soft = levels.soft_median();
     if !(AIR_HU..=-20.0).contains(&low) || high < 60.0 || soft.is_some_and(|soft| !SOFT_HU.contains(&soft)) {
         return false;
     }
-    // The values are clipped above the fat, as many voxels have the lowest value. `window` then refuses the image.
+    // Many voxels have the lowest value, so the values are clipped above the fat. `window` then refuses the image.
     if low > WINDOW_HU && levels.clipped_low(0.02) {
         return true;
     }
@@ -213,8 +213,8 @@ fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
     }
 }
 
-/// Median value of the unlabelled voxels at `FAT_DEPTH_MM` below the surface of the body, which are all values above
-/// `limit`. `None` if there are none.
+/// Median value of the unlabelled voxels at `FAT_DEPTH_MM` below the surface of the body. Voxels above `limit` count as
+/// body. `None` if there are no such voxels.
 pub(super) fn fat_ring(values: &[f32], grid: &Grid, labels: &[u16], limit: f32) -> Option<f32> {
     let body = from_mask(values.iter().map(|value| *value > limit).collect(), grid, |_| false);
     let outside: Vec<bool> = body.iter().map(|inside| !inside).collect();

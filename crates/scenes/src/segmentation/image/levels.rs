@@ -12,10 +12,10 @@ const LABELLED_MAX: usize = 200_000;
 /// Largest number of voxels of the whole image in the sample.
 const IMAGE_MAX: usize = 1_000_000;
 
-/// Number of voxels below which the values of a matter are not used.
+/// Fewest voxels of a matter whose values are used.
 const LEAST_VOXELS: usize = 50;
 
-/// Matter of an organ: groups of classes by density.
+/// Matter of an organ: group of tissues of similar density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Matter {
     /// Bone.
@@ -122,7 +122,7 @@ pub(super) fn quantile(sorted: &[f32], share: f64) -> f32 {
     sorted.get(at).copied().unwrap_or(f32::NAN)
 }
 
-/// Share of the sorted values that lie within `from..to`.
+/// Share of the sorted values within `from..to`, 0..=1.
 pub(super) fn share_within(sorted: &[f32], from: f32, to: f32) -> f64 {
     let below = |limit: f32| sorted.partition_point(|value| *value < limit);
     (below(to).saturating_sub(below(from))) as f64 / sorted.len().max(1) as f64
@@ -162,8 +162,8 @@ impl Levels {
         self.soft.as_ref().map(|soft| quantile(soft, 0.5))
     }
 
-    /// Most frequent value below `limit`, which is that of air in a CT and in an MR. It is the median within the
-    /// fullest of 100 bins.
+    /// Most frequent value below `limit`, which is the value of air in a CT or MR: the median within the fullest of 100
+    /// bins.
     pub(super) fn air(&self, limit: f32) -> f32 {
         const BINS: usize = 100;
         let least = self.least();
@@ -183,8 +183,8 @@ impl Levels {
         quantile(&below[start..end], 0.5)
     }
 
-    /// Whether the lowest value is so frequent that the values must be clipped: more than `share` of all voxels have
-    /// it, and three times as many as have the next values.
+    /// Whether the values must be clipped at the lower end: more than `share` of all voxels have the lowest value, and
+    /// more than three times as many as have the values just above.
     pub(super) fn clipped_low(&self, share: f64) -> bool {
         let (least, most) = (self.least(), self.most());
         let step = (most - least) * 1e-3;

@@ -31,12 +31,12 @@ pub struct Checked {
     pub remarks: Vec<String>,
 }
 
-/// Checks `image` and transfers it to `grid`, that of the labels. `labels` are 0, or 1 + the index of their organ.
+/// Checks `image` and transfers it to `grid`, the labels' grid. `labels` are 0, or 1 + the index of their organ.
 /// `image` must be in canonical order.
 ///
 /// # Errors
-/// An image of one value; a CT whose values aren't HU, or are clipped above the fat; an image that doesn't fit the
-/// labels, since organs lie in air, or a mirror image fits three or more organs better.
+/// An image of one value; a CT whose values aren't HU, or are clipped above the fat. An image that doesn't fit the
+/// labels: organs lie in air, or a mirror image fits better and three or more organs have borders in the image.
 pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
     let (lowest, highest) = (least(&image.values), most(&image.values));
     if lowest >= highest {
@@ -79,15 +79,15 @@ fn most(values: &[f32]) -> f32 {
     values.par_iter().copied().reduce(|| f32::NEG_INFINITY, f32::max)
 }
 
-/// Values of an image on `grid`; outside the image, its lowest value.
+/// Values of an image on `grid`; voxels outside the image get the image's lowest value.
 fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
     let least = least(&image.values);
     let index = nearest(grid, &image.grid());
     (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }
 
-/// Advice on a volume in the wrong position: axes of its affine to negate, so that it contains at least `least_percent`
-/// of the labelled voxels. `holds` tells which of the volume's voxels belong to its content. Empty if no change helps.
+/// Advice on a volume in the wrong position: axes of its affine to negate, so that the volume contains at least
+/// `least_percent` of the labelled voxels; empty if no change helps. `holds(i)` tells whether voxel `i` has content.
 pub(super) fn turned_hint(
     labels: &[u16],
     grid: &Grid,

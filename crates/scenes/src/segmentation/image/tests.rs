@@ -231,7 +231,7 @@ fn a_window_that_holds_the_fat_keeps_it_and_says_so() {
         assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{low}: {}", share(&body, Is::Fat));
         assert!(differs * 200 < whole.iter().filter(|&&b| b).count(), "{low}: {differs} voxels differ");
     }
-    // With contrast agent, bone at the window's upper end is nearer to the organs than its lower end is.
+    // With contrast agent, the upper end of the window, where bone lies, is nearer to the organs than the lower end.
     let contrast = |is| if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 110.0 } else { hu(is) };
     accepted(&mapped(image(contrast, 18.0), |hu| hu.clamp(-160.0, 240.0)), true, "clipped to -160 to 240 HU");
 }
@@ -244,7 +244,7 @@ fn a_ct_that_is_not_in_hu_is_refused_with_its_likely_cause() {
     );
     refused(&mapped(ct(), |hu| hu - 1024.0), &["shifted by about -10"]);
     refused(&mapped(ct(), |hu| hu * 4.0), &["isn't in HU", "rescaled"]);
-    // Fat is still recognised, and much air has the lowest value, so that value is no padding.
+    // Fat is still recognised. Much air has the lowest value, so the lowest value is no padding.
     refused(&mapped(ct(), |hu| hu.max(-1000.0) * 1.4), &["isn't in HU", "rescaled"]);
     for (low, high, to) in
         [(-1000.0, 1000.0, 255.0), (-1000.0, 1000.0, 1.0), (-160.0, 240.0, 255.0), (-160.0, 240.0, 1.0)]

@@ -7,11 +7,11 @@ use crate::segmentation::grid::Grid;
 /// Radiodensity of air, HU.
 const AIR_HU: f32 = -1000.0;
 
-/// A value at most this far above the window's lower end counts as clipped, HU; allows for rounding.
+/// Largest height above the window's lower end, HU, at which a value counts as clipped; allows for rounding.
 const ROUNDING_HU: f32 = 1.0;
 
-/// Gives air its own value where values are clipped to `low`, the lower end of their window. A voxel counts as air if
-/// most of its neighbours are clipped, too: noise alone clips single voxels of fat.
+/// Restores the value of air, −1000 HU, in a CT whose values are clipped to `low`. A clipped voxel counts as air if
+/// most of its neighbours are clipped, too, since noise alone clips single voxels of fat.
 pub(super) fn restore_air(values: &mut [f32], grid: &Grid, low: f32) {
     let size = grid.size;
     let at_end: Vec<bool> = values.par_iter().map(|value| *value <= low + ROUNDING_HU).collect();

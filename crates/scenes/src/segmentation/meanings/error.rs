@@ -18,7 +18,7 @@ pub enum MeaningError {
         /// Argument, as given.
         word: String,
     },
-    /// A meaning that is neither an organ nor a tissue.
+    /// A meaning that is no known organ or tissue.
     #[error("`{word}`: `{target}` is neither an organ nor a tissue{nearest}")]
     Target {
         /// Argument, as given.
@@ -58,7 +58,7 @@ pub enum MeaningError {
         /// Name of the mesh, or of the file.
         name: String,
     },
-    /// One meaning, for a file of several meshes.
+    /// One meaning for a file of several meshes.
     #[error(
         "{file} holds {count} meshes ({known}), and {meaning} is given for the file: give each its own as in \
          {file}#{first}={meaning}, or {file}#*={meaning} if all are {meaning}"

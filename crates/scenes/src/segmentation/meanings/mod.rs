@@ -23,7 +23,7 @@ const LISTED_MAX: usize = 6;
 /// Name that stands for all meshes of a file.
 const ALL: &str = "*";
 
-/// Argument that names a file, one of its meshes, and the meaning: `FILE`, `FILE=MEANING` or `FILE#NAME=MEANING`.
+/// Argument that names a file and, optionally, a mesh and a meaning: `FILE`, `FILE=MEANING` or `FILE#NAME=MEANING`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Assignment {
     /// Path of the file.
@@ -219,7 +219,7 @@ impl<'a> Meanings<'a> {
         let own = self.table.named(&mesh.name);
         let mut organs = self.organs_of_parts(&mesh);
         let is_apart = mesh.parts.len() > 1 && !mesh.is_one_surface();
-        // If parts lie apart, a mesh name that is an organ's doesn't decide on parts that name other organs.
+        // If parts lie apart and name other organs than the mesh, the name of the mesh doesn't decide on the parts.
         if is_apart
             && let Some(own) = own
             && !organs.is_empty()
@@ -242,7 +242,7 @@ impl<'a> Meanings<'a> {
             (Some(assignment), ..) => self.class(assignment, &mesh.name, false)?,
             (None, _, [_, _, ..]) => return self.add_parts(index, mesh, meant),
             (None, Some(class), _) => class.clone(),
-            // In a connected surface, the only part that names an organ gives the mesh its meaning.
+            // In a connected surface, a single part that names an organ gives the whole mesh its meaning.
             (None, None, [class]) if !is_apart => (*class).clone(),
             (None, None, _) if is_apart => return self.add_parts(index, mesh, meant),
             (None, None, _) => {
@@ -294,7 +294,7 @@ impl<'a> Meanings<'a> {
         organs
     }
 
-    /// Error about one meaning for a file of several meshes or parts.
+    /// Error: one meaning is given for a file of several meshes or parts.
     fn several(&self, assignment: &Assignment, mesh: &NamedMesh) -> MeaningError {
         let names = match &self.names[..] {
             [_] => mesh.parts.iter().map(|part| self.name_of_part(&mesh.name, part)).collect(),
@@ -328,14 +328,14 @@ impl<'a> Meanings<'a> {
         Err(MeaningError::Target { word: assignment.word(), target: meaning.to_owned(), nearest })
     }
 
-    /// Suggestion of organs with names like this one, as text to append, or empty.
+    /// Suggestion of organs with similar names, as text to append, or empty.
     fn near(&self, name: &str) -> String {
         let near = self.table.nearest(name);
         if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(", ")) }
     }
 }
 
-/// Name under which a meaning is added to the table.
+/// Provisional name under which a meaning is added to the table.
 const ADDED: &str = "mesh";
 
 /// The first names, and the number of the remaining ones.

@@ -98,7 +98,7 @@ fn a_file_of_several_meshes_needs_a_meaning_for_each() {
     let table = ClassTable::builtin("total-v2").unwrap();
     let ignored = meanings(&table, Path::new("a.obj"), meshes.to_vec(), &assignments(&["a.obj#*=ignore"])).unwrap();
     assert!(ignored.len() == 2 && ignored.iter().all(|meant| meant.class.role == Role::Ignore), "{ignored:?}");
-    // One known name doesn't decide on the other meshes.
+    // Each mesh keeps the meaning of its name; one meaning for both meshes is refused.
     let named = [mesh("Right Kidney", &[], true), mesh("liver", &[], true)];
     is_meant(&named, &["a.obj"], &[("Right Kidney", "kidney_right"), ("liver", "liver")]);
     is_refused(&named, &["a.obj=liver"], &["2 meshes"]);
@@ -130,7 +130,7 @@ fn unknown_materials_divide_only_what_is_apart() {
     let bladder = [mesh("urinary_bladder", &["wall", "lumen"], false)];
     is_meant(&bladder, &["a.obj"], &[("urinary_bladder", "urinary_bladder")]);
     is_meant(&bladder, &["a.obj=spleen"], &[("urinary_bladder", "spleen")]);
-    // The exception is a part that lies apart from the others and is another organ.
+    // The object's name doesn't decide if a part lies apart from the others and is another organ.
     let two = |touching| [mesh("liver", &["mat0", "gallbladder"], touching)];
     is_refused(&two(false), &["a.obj"], &["`mat0` is no known organ", "a.obj#mat0="]);
     is_refused(&two(false), &["a.obj=liver"], &["2 meshes (`mat0`, `gallbladder`)", "a.obj#mat0=liver"]);
