@@ -24,8 +24,8 @@ impl Cells {
         Ok(())
     }
 
-    /// Adds cells to `draft`. In `values`, each cell is its number of corners, followed by their vertex indices.
-    /// `cells` is the number of cells that must be there.
+    /// Adds cells to `draft`. In `values`, each cell is a number of corners, followed by the vertex indices of the
+    /// corners. `cells` is the required number of cells.
     pub(super) fn add_counted(
         self,
         cells: usize,
@@ -45,8 +45,8 @@ impl Cells {
         if added == cells { Ok(()) } else { Err(format!("the list has {added} cells, and {cells} are promised")) }
     }
 
-    /// Adds cells to `draft`. `corners` are the vertex indices of all cells, one cell after the other. `ends` holds,
-    /// for each cell, the index in `corners` at which it ends; the last cell ends with the list.
+    /// Adds cells to `draft`. `corners` are the vertex indices of all cells, one cell after the other. `ends` has
+    /// the index in `corners` at which each cell ends; the last cell must end with the list.
     pub(super) fn add_by_ends(
         self,
         ends: &[f64],

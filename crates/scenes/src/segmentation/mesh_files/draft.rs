@@ -1,4 +1,4 @@
-//! A mesh while it is being read.
+//! Drafts of meshes, for use while a file is read.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ pub(super) struct Draft {
     pub(super) name: Option<String>,
     /// Name of the part, such as a material; may be empty.
     pub(super) part: Option<String>,
-    /// Number of the mesh that this draft is a part of; without a number the draft is a mesh of its own.
+    /// Number of the mesh that this draft is a part of; `None` if the draft is a whole mesh.
     pub(super) whole: Option<usize>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
@@ -80,7 +80,7 @@ impl<'v> Finisher<'v> {
         Self { vertices, known: vec![[0; 2]; vertices.len()], mesh: 0 }
     }
 
-    /// Mesh with these drafts as its parts. It has vertices of its own; equal positions become one vertex. If no draft
+    /// Mesh with these drafts as its parts, and with its own vertices; equal positions become one vertex. If no draft
     /// has a name, the mesh is called `otherwise`.
     pub(super) fn finish(&mut self, mut drafts: Vec<Draft>, otherwise: &str) -> NamedMesh {
         self.mesh += 1;
@@ -126,7 +126,7 @@ impl<'v> Finisher<'v> {
     }
 }
 
-/// Most corners of a polygon that is divided by cutting ears; larger ones are divided as a fan.
+/// Most corners of a polygon that is divided by ear clipping. Larger polygons are divided into a fan of triangles.
 const EARS_MAX: usize = 256;
 
 /// Triangles of a flat polygon, as indices of its points, by ear clipping (Meisters, Am Math Mon 82:648, 1975).

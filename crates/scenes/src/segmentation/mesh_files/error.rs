@@ -31,7 +31,7 @@ pub enum MeshFileError {
     /// The file cannot be read, or has more than 2 GiB.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A picture or a volume.
+    /// A picture or a volume instead of a mesh.
     #[error("{path} is {kind}, not a mesh: `insonify scene from-labels` reads label maps (NIfTI, NRRD)")]
     Picture {
         /// Path of the file.
@@ -52,18 +52,18 @@ pub enum MeshFileError {
         path: PathBuf,
         /// Position of the fault.
         at: Position,
-        /// Fault, and its remedy where there is one.
+        /// Description of the fault, with its remedy if known.
         reason: String,
     },
     /// No triangle in the whole file.
     #[error("{path} has no triangles{found}: export the surface as a mesh with faces")]
     NoTriangles {
-        /// Other content of the file, as text to append, or empty.
+        /// Path of the file.
         path: PathBuf,
-        /// Other content that was found, as text to append, or empty.
+        /// Other content of the file, such as points, as text to append, or empty.
         found: String,
     },
-    /// A vertex that is not finite.
+    /// A vertex with a coordinate that is not finite.
     #[error("{path}: vertex {vertex} (from 0) of `{mesh}` is {value:?}; export the mesh again without it")]
     NotFinite {
         /// Path of the file.

@@ -33,7 +33,7 @@ impl Unit {
     }
 }
 
-/// Axes of a file. All are right-handed.
+/// Directions of a file's axes. All variants are right-handed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshAxes {
     /// x to the patient's left, y posterior, z cranial: DICOM, ITK, files of 3D Slicer; also figures in Blender, which

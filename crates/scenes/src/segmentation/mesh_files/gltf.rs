@@ -12,7 +12,7 @@ use super::draft::Draft;
 use super::error::MeshFileError;
 use super::frame::{MeshAxes, Unit};
 
-/// Length of a metre of the file as [`read_raw`] returns it, mm.
+/// Millimetres per metre: [`read_raw`] converts the file's metres to mm.
 const METRE_MM: f64 = 1000.0;
 
 /// Meshes of the scene, one for each node. The primitives of a node are the parts of its mesh, named by their tissue or
@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
     let mut name_of = HashMap::new();
     for surface in scene.surfaces {
         let mesh = surface.mesh?;
-        // The scene reader appends a number to the names of a node's primitives; the first one's is removed.
+        // The scene reader appends a number to the names of a node's primitives. The mesh is named without the number.
         let name = || surface.name.strip_suffix("/0").unwrap_or(&surface.name).to_owned();
         let name: &String = name_of.entry(surface.node).or_insert_with(name);
         let first = parsed.vertices.len() as u32;

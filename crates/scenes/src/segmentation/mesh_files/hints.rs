@@ -15,15 +15,15 @@ pub struct FileHints {
     pub unclear_axes: Option<String>,
     /// Clause for a message if the file's statements about the unit contradict each other or are not understood.
     pub unclear_unit: Option<String>,
-    /// Whether axes and unit are only the default of the file's format. Not every program keeps to the default, so
-    /// sizes and positions of organs count more.
+    /// Whether axes and unit are only the defaults of the file's format. Some programs ignore the defaults, so sizes
+    /// and positions of organs are stronger evidence.
     pub of_format: bool,
 }
 
 /// Words that introduce a unit.
 const UNIT_KEYS: [&str; 4] = ["file units", "units", "unit", "length unit"];
 
-/// What a file states: a value, or text that is not understood.
+/// Statement of a file: a value, or text that is not understood.
 enum Stated<T> {
     Known(T),
     /// Text that is not understood.
@@ -75,7 +75,7 @@ fn axes_of(text: &str) -> Option<Stated<MeshAxes>> {
     match letters.as_str() {
         "LPS" => Some(Stated::Known(MeshAxes::Lps)),
         "RAS" => Some(Stated::Known(MeshAxes::Ras)),
-        // Another orientation, written as in NRRD: one letter of each of three pairs.
+        // Another orientation, written as in NRRD: a letter from each of the pairs R/L, A/P and S/I.
         _ => {
             let pairs =
                 ["LR", "PA", "SI"].iter().all(|pair| letters.chars().filter(|c| pair.contains(*c)).count() == 1);

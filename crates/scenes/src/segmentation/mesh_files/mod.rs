@@ -100,7 +100,7 @@ pub struct MeshFile {
     pub hints: FileHints,
 }
 
-/// Content of a file, as the reader of its format finds it.
+/// Content of a file as read, before drafts become meshes.
 #[derive(Debug, Default)]
 struct Parsed {
     vertices: Vec<DVec3>,
@@ -152,7 +152,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
 /// Reader of a format, for the bytes of a file.
 type Parse = fn(&[u8]) -> Result<Parsed, Fault>;
 
-/// Reader for the format that the content shows, else for that of the extension; `None` for unknown files.
+/// Reader for the format that the content shows, else for the extension's format; `None` for unknown files.
 fn format(bytes: &[u8], extension: &str) -> Option<Parse> {
     let start = bytes[..bytes.len().min(4096)].trim_ascii_start();
     if start.starts_with(b"ply\n") || start.starts_with(b"ply\r") {
@@ -170,7 +170,7 @@ fn format(bytes: &[u8], extension: &str) -> Option<Parse> {
     }
 }
 
-/// Kind of a file with a picture or a volume; `None` for other files.
+/// Kind of a file that contains a picture or a volume; `None` for other files.
 fn picture(bytes: &[u8], path: &Path) -> Option<&'static str> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
     let nifti = [&b"n+1\0"[..], b"ni1\0"].iter().any(|magic| bytes.get(344..348) == Some(*magic));
@@ -219,7 +219,7 @@ fn finish(path: &Path, parsed: Parsed) -> Result<MeshFile, MeshFileError> {
     Ok(MeshFile { meshes, hints })
 }
 
-/// Appends a number to each name that an earlier mesh has already.
+/// Appends a number to the name of each mesh that has the name of an earlier mesh.
 fn make_unique(meshes: &mut [NamedMesh]) {
     let mut taken: HashSet<String> = HashSet::new();
     let mut next: HashMap<String, usize> = HashMap::new();

@@ -97,10 +97,10 @@ struct Reader {
     /// Faces of each key, in the order of the keys' first faces.
     faces: Vec<(Key, Draft)>,
     index_of: HashMap<Key, usize>,
-    /// Names of the objects. Object n, counted from 1, is entry n − 1; 0 stands for faces before any object.
+    /// Names of the objects. Object n, counted from 1, has entry n − 1; faces before the first object have number 0.
     objects: Vec<String>,
     now: Key,
-    /// Index in `faces` of the current key.
+    /// Index of the current key in `faces`; `None` between a change of key and the next face.
     present: Option<usize>,
 }
 
@@ -201,7 +201,7 @@ impl Reader {
         for (key, _) in &faces {
             groups_of.entry(same[key.object]).or_default().insert(&key.group);
         }
-        // The groups of an object become its parts if its faces have several.
+        // The groups of an object become its parts if its faces are in several groups.
         let by_group: HashSet<usize> =
             groups_of.into_iter().filter(|(_, groups)| groups.len() > 1).map(|(object, _)| object).collect();
         let mut wholes: HashMap<(usize, String), usize> = HashMap::new();

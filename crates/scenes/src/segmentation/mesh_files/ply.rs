@@ -54,7 +54,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     Ok(parsed)
 }
 
-/// Refuses data after the last element, except padding: the file has more elements than the header announces.
+/// Refuses data after the last element, except padding, since the file has more elements than the header announces.
 fn check_rest(scanner: &Scanner<'_>, data: Data) -> Result<(), Fault> {
     let rest = scanner.bytes.get(scanner.at..).unwrap_or_default();
     if rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
@@ -130,8 +130,8 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
-/// Reads item `number` of an element type, which is a line in a text file. `take` receives, for each property, its
-/// index and its values.
+/// Reads item `number` of an element type; in a text file, an item is one line. `take` receives the index and the
+/// values of each property.
 fn record(
     scanner: &mut Scanner<'_>,
     data: Data,

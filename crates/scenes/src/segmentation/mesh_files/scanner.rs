@@ -8,7 +8,7 @@ use super::error::Fault;
 pub(super) struct Scanner<'b> {
     pub(super) bytes: &'b [u8],
     pub(super) at: usize,
-    /// Last byte of a line end: a carriage return if the file's first line ends in that alone, else a line feed.
+    /// Last byte of a line end: a carriage return if the first line ends in a carriage return alone, else a line feed.
     line_end: u8,
 }
 
@@ -52,7 +52,7 @@ impl<'b> Scanner<'b> {
         Some(&rest[start..end])
     }
 
-    /// The next word; the position stays.
+    /// The next word, without a change of position.
     pub(super) fn peek(&self) -> Option<&'b [u8]> {
         self.clone().word()
     }
@@ -137,7 +137,7 @@ pub(super) fn not_a(what: &str, word: &[u8]) -> String {
     format!("`{}` is not a {what}", text(word))
 }
 
-/// A word as a finite number; `None` if it is none.
+/// A word as a finite number; `None` for other words.
 pub(super) fn finite(word: &[u8]) -> Option<f64> {
     str::from_utf8(word).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
@@ -147,7 +147,7 @@ pub(super) fn text(word: &[u8]) -> String {
     String::from_utf8_lossy(word).chars().take(40).collect()
 }
 
-/// A number as an index below `length`; `None` if it is none.
+/// A number as an index below `length`; `None` for fractions and numbers out of range.
 pub(super) fn index(value: f64, length: usize) -> Option<u32> {
     (value >= 0.0 && value.fract() == 0.0 && value < length as f64 && value < f64::from(u32::MAX))
         .then_some(value as u32)

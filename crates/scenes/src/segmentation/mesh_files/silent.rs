@@ -1,4 +1,4 @@
-//! Tests of files that other programs silently misread. They are read correctly, or refused with the reason.
+//! Tests of files that other programs silently misread: they are read correctly, or refused with the reason.
 
 use insonify_core::anatomy::Mesh;
 
@@ -99,7 +99,7 @@ fn groups_and_materials_of_an_object_are_its_parts() {
     assert_eq!(names(&file), [("Mesh", vec![""]), ("Mesh_2", vec![""])]);
     let again = format!("{}o a\nf 1 2 4 3\no b\nf 5 7 8 6\no a\nf 1 5 6 2\n", corners(0.0));
     assert_eq!(names(&read("a.obj", again).unwrap()), [("a", vec![""]), ("b", vec![""])]);
-    // A surface whose faces have two materials is one.
+    // Faces of two materials that share vertices form one surface.
     let painted = format!("{}o a\nusemtl x\nf 1 2 4 3\nf 5 7 8 6\nusemtl y\nf 1 5 6 2\n", corners(0.0));
     assert!(read("a.obj", painted).unwrap().meshes[0].is_one_surface());
 }

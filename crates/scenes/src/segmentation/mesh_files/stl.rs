@@ -9,7 +9,7 @@ use super::draft::Draft;
 use super::error::Fault;
 use super::scanner::{Scanner, finite, lines, not_a_number, text};
 
-/// Bytes of the header with the count of triangles, and bytes of a triangle.
+/// Sizes of the header with the count of triangles, and of a triangle, bytes.
 const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
@@ -24,7 +24,7 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
     starts && !is_binary(bytes) && (has_words || !start.contains(&0))
 }
 
-/// Whether the bytes are as many as a binary header's count of triangles requires.
+/// Whether the number of bytes matches the count of triangles in a binary header.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
     count(bytes).is_some_and(|count| count > 0 && bytes.len() == HEADER.saturating_add(count.saturating_mul(TRIANGLE)))
 }
@@ -100,9 +100,9 @@ fn parse_text(bytes: &[u8]) -> Result<Parsed, Fault> {
 struct TextReader {
     parsed: Parsed,
     draft: Option<Draft>,
-    /// Line of the open `solid` statement, which has no end yet.
+    /// Line number of the `solid` statement that has no end yet.
     solid: Option<usize>,
-    /// Line of the open `facet` statement, which has no end yet.
+    /// Line number of the `facet` statement that has no end yet.
     facet: Option<usize>,
     /// Corners of the unfinished facet.
     corners: Vec<u32>,

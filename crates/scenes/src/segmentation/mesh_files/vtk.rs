@@ -64,7 +64,7 @@ pub(super) fn not_polydata(kind: &str) -> String {
 }
 
 impl Reader<'_> {
-    /// Reads the section that `keyword` begins. Returns true at the point or cell data, which follow the geometry.
+    /// Reads the section that starts with `keyword`. Returns true for point and cell data, which follow the geometry.
     fn section(&mut self, keyword: &[u8]) -> Result<bool, Fault> {
         match keyword {
             b"POINTS" => self.points()?,
@@ -113,7 +113,7 @@ impl Reader<'_> {
         Ok(count)
     }
 
-    /// Reads a list of cells of `kind`. Cells that make no triangles (`None`) are dropped.
+    /// Reads a list of cells of `kind`; `None` for kinds without triangles, whose cells are dropped.
     fn cells(&mut self, kind: Option<Cells>) -> Result<(), Fault> {
         let first = self.scanner.count("the number of cells")?;
         let size = self.scanner.count("the size of the list of cells")?;
@@ -167,13 +167,13 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A text of a field. It is a line in a text file; in a binary file, it is a length followed by bytes.
+    /// A text of a field: a line in a text file; a length followed by bytes in a binary file.
     fn string(&mut self) -> Result<String, Fault> {
         if !self.binary {
             let line = self.scanner.line().map(|line| String::from_utf8_lossy(line).into_owned());
             return line.ok_or_else(|| self.scanner.fault("truncated: a text of a field should be here"));
         }
-        // The two highest bits tell the number of bytes of the length.
+        // The two highest bits encode the size of the length in bytes.
         let first = *self.scanner.bytes.get(self.scanner.at).unwrap_or(&0);
         let size = [8, 4, 2, 1][usize::from(first >> 6)];
         let length = self.scanner.take(size, "the length of a text")?.iter();

@@ -53,7 +53,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
 
 struct Reader<'a> {
     format: Format,
-    /// Appended data, after the XML.
+    /// Appended data, which follow the XML.
     appended: Encoding<'a>,
 }
 

@@ -13,7 +13,7 @@ use super::super::numbers::{Number, Order};
 /// Most values of one array: 33 million points, or the corners of as many triangles.
 const VALUES_MAX: usize = 100_000_000;
 
-/// Memory per value, bytes: as a decoded number, and then in a vertex or triangle.
+/// Memory per value after decoding, bytes: the number, and its part of a vertex or triangle.
 const VALUE_BYTES: usize = 20;
 
 /// Format of all encoded data of a file.
@@ -47,7 +47,7 @@ impl<'a> Encoding<'a> {
         }
     }
 
-    /// The first `length` bytes, decoded, and the data after them. In base64, they must be encoded as a unit.
+    /// The first `length` bytes, decoded, and the data after these bytes. Base64 must encode the bytes as a unit.
     fn take(self, length: usize) -> Result<(Vec<u8>, Self), String> {
         let truncated = |left: usize| format!("truncated: {length} bytes are promised, {left} are left");
         match self {
@@ -108,7 +108,7 @@ impl Format {
         Ok(bytes.chunks_exact(number.size()).map(|value| number.read(value, self.order)).collect())
     }
 
-    /// Refuses an array of `bytes` bytes for which there is no memory, before it is read.
+    /// Refuses an array of `bytes` bytes that has too many values or exceeds the available memory, before decoding.
     fn check_size(bytes: usize, number: Number) -> Result<(), String> {
         let values = bytes / number.size();
         if values > VALUES_MAX {
@@ -122,7 +122,7 @@ impl Format {
         bytes.chunks_exact(self.length.size()).map(|value| self.length.read(value, self.order) as usize).collect()
     }
 
-    /// Bytes of uncompressed data. In base64, their length and the bytes are encoded as a unit.
+    /// Bytes of uncompressed data. Base64 encodes the length and the bytes as a unit.
     fn plain(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let length = match data {
@@ -163,7 +163,7 @@ impl Format {
         for (i, size) in packed.iter().enumerate() {
             let (expected, before) = (expected(i), unpacked.len());
             let decoder = ZlibDecoder::new(&bytes[at..at + size]);
-            // No more than the announced size is decompressed, whatever a block contains.
+            // Only the announced size of a block is decompressed, even if the block contains more.
             let read = decoder.take(expected as u64).read_to_end(&mut unpacked);
             read.map_err(|e| format!("block {i} is not zlib data: {e}"))?;
             if unpacked.len() - before != expected {
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn a_bomb_is_refused_by_its_promise() {
         let format = Format { order: Order::Little, length: Number::U32, compressed: true };
-        // 1000 blocks of 1 MiB each, in 5 bytes each: far more than 100 million values.
+        // 1000 blocks of 5 bytes that announce 1 MiB each: far more than 100 million values.
         let head = [1000u32, 1 << 20, 0].into_iter().chain([5; 1000]);
         let mut bytes: Vec<u8> = head.flat_map(u32::to_le_bytes).collect();
         bytes.extend([0; 5000]);

@@ -38,8 +38,8 @@ const EXPECTED_DIRECTIONS: [(&str, DVec3, &str); 16] = [
 /// position contradicts them.
 const ALONG: f64 = 0.35;
 
-/// If most positions of organs contradict `axes`: other axes that fit all positions, and a clause that names the
-/// contradiction. `None` if there are none.
+/// Better axes, if more positions of organs contradict `axes` than support them, and a clause that names the
+/// contradiction. No position contradicts the better axes; `None` if there are no such axes.
 pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, String)> {
     let evidence = evidence(meshes);
     let count = |axes: MeshAxes, sign: i64| evidence.iter().filter(|e| e.sign(axes) == sign).count();
@@ -111,7 +111,7 @@ struct Evidence<'m> {
 }
 
 impl Evidence<'_> {
-    /// 1 if the relative position is as expected with these axes, −1 if it is opposite, else 0.
+    /// 1 if the relative position is as expected with these axes, −1 if it is the opposite, else 0.
     fn sign(&self, axes: MeshAxes) -> i64 {
         let cosine = self.direction.dot(axes.lps_from_file() * self.found);
         i64::from(cosine > ALONG) - i64::from(cosine < -ALONG)
@@ -140,7 +140,7 @@ fn evidence(meshes: &[NamedMesh]) -> Vec<Evidence<'_>> {
     for (left, right) in pairs(&named) {
         found.extend(between(left, right, LEFT));
     }
-    // An organ may have several meshes, such as both lungs: the mean of their centres counts.
+    // If an organ has several meshes, as the lungs do, the mean of their centres counts.
     let having =
         |word: &str| -> Vec<usize> { (0..named.len()).filter(|&i| named[i].0.iter().any(|w| w == word)).collect() };
     let middle = |of: &[usize]| of.iter().map(|&i| named[i].1).sum::<DVec3>() / of.len() as f64;

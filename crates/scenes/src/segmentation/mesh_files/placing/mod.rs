@@ -20,7 +20,7 @@ pub struct Guess<T> {
     pub value: T,
     /// Reason for the guess, as a clause.
     pub reason: String,
-    /// Whether there is no evidence for another value.
+    /// Whether the evidence is clear. If not, the user should confirm the value.
     pub certain: bool,
 }
 
@@ -110,12 +110,12 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
             mesh.name
         )
     };
-    // Coordinates in inches are never certain: an adult's look like a child's in cm.
+    // Inches are never certain: an adult's coordinates in inches look like a child's coordinates in cm.
     let certain = value != Unit::In && 2 * second < best && 3 * best >= 2 * known.len();
     Some(Guess { value, reason, certain })
 }
 
-/// Words of a mesh's name that leave it the name of a whole organ.
+/// Words that the name of a mesh may have besides the organ's name if the mesh is the whole organ.
 const QUALIFIERS: [&str; 12] = ["left", "right", "l", "r", "lt", "rt", "t", "c", "s", "urinary", "structure", "of"];
 
 /// Sizes of the meshes that are named after a whole organ, with coordinates in `unit`. Lobes and lesions are left out.
@@ -179,7 +179,7 @@ fn longest_side<'m>(meshes: impl IntoIterator<Item = &'m NamedMesh>) -> Option<f
     min.is_finite().then(|| (max - min).max_element())
 }
 
-/// Words of a name, in lower case; a plural `s` is dropped where that gives a known organ.
+/// Words of a name, in lower case. A plural `s` is dropped if the remaining word is a known organ.
 fn words(name: &str) -> Vec<String> {
     let lower = name.to_lowercase();
     let split = lower.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
