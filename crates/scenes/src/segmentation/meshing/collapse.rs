@@ -1,8 +1,8 @@
 //! Decimation of a complex, the surfaces of all labels: edges are collapsed in the order of their error (Garland and
 //! Heckbert 1997).
 //!
-//! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Where several surfaces
-//! join, their junction lines stay in position, and vertices on a face of the grid stay in that plane.
+//! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Junction lines, where
+//! several surfaces join, stay in position. Vertices on a face of the grid stay in the plane of that face.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -21,7 +21,7 @@ const QUALITY_MIN: f64 = 0.08;
 /// Weight of the planes that hold junction lines in position.
 const LINE_WEIGHT: f64 = 4.0;
 
-/// Edge in the queue, with its cost and the versions of its vertices at that time.
+/// Edge in the queue, with its cost and the versions of its vertices at the time of queueing.
 struct Candidate {
     cost: f32,
     edge: [u32; 2],
@@ -51,7 +51,7 @@ impl Ord for Candidate {
 
 /// A possible collapse of an edge to a point.
 struct Collapse {
-    /// Vertex that stays, at `to_mm`, and vertex that is removed.
+    /// Vertex that stays and moves to `to_mm`, and vertex that is removed.
     stays: u32,
     goes: u32,
     to_mm: DVec3,
@@ -240,7 +240,7 @@ impl<'a> Decimation<'a> {
         if free {
             let middle = 0.5 * (self.at(a) + self.at(b));
             let mut best = sum.minimum(middle);
-            // Where the planes are nearly parallel, their common point may be far from the edge and is meaningless.
+            // If the planes are nearly parallel, their common point may be far from the edge, and is not used.
             if best.distance(middle) > self.at(a).distance(self.at(b)) {
                 best = middle;
             }
@@ -298,8 +298,8 @@ impl<'a> Decimation<'a> {
         !folds && self.keeps_sense(stays, goes, to_mm) && self.keeps_sense(goes, stays, to_mm)
     }
 
-    /// Whether the faces of `v` that don't contain `other` keep their orientation, and enough quality, if `v` moves to
-    /// `to_mm`.
+    /// Whether a move of `v` to `to_mm` keeps the orientation and enough quality of the faces at `v`, except the faces
+    /// that contain `other`.
     fn keeps_sense(&self, v: u32, other: u32, to_mm: DVec3) -> bool {
         self.around[v as usize].iter().all(|&n| {
             let corners = self.complex.triangles[n as usize].corners;

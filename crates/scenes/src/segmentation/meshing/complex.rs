@@ -18,7 +18,7 @@ pub struct Triangle {
     pub sides: [u16; 2],
 }
 
-/// Surfaces of all labels.
+/// Surfaces of all labels, with shared vertices.
 #[derive(Debug, Clone, Default)]
 pub struct Complex {
     /// Vertices, mm along the grid's axes: voxel index times voxel spacing.
@@ -32,8 +32,8 @@ pub struct Complex {
 }
 
 impl Complex {
-    /// Triangles of a net with voxel spacing `voxel_mm`. Each quad is divided along the diagonal that makes its
-    /// thinner triangle as thick as possible.
+    /// Triangles of a net with voxel spacing `voxel_mm`. Each quad is divided along the diagonal that
+    /// gives its smaller triangle more area.
     pub fn of(net: &Net, voxel_mm: DVec3) -> Self {
         let count = net.cells.len();
         let vertices_mm: Vec<DVec3> = (0..count).map(|v| net.position(v).as_dvec3() * voxel_mm).collect();

@@ -30,8 +30,8 @@ pub struct Net {
     pub cells: Vec<[u16; 3]>,
     /// Position of each vertex relative to its cell's centre, voxels.
     pub offsets: Vec<Vec3>,
-    /// For each vertex, the vertices of the cells beyond its cell's faces −x, +x, −y … +z; [`NO_VERTEX`] if all labels
-    /// at a face are equal.
+    /// For each vertex, the vertices of the cells that adjoin its cell at the faces −x, +x, −y, +y, −z, +z;
+    /// [`NO_VERTEX`] at faces with only one label.
     pub(super) neighbours: Vec<[u32; 6]>,
     /// For each vertex, bits of its cell's faces: bit n is set if more than two surfaces join at face n, or a surface
     /// reaches the grid's border there.
@@ -69,9 +69,9 @@ fn inner(label: u16) -> u16 {
 /// [`Voxels::of_cell`].
 const FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
 
-/// A layer of cells: those of equal c.
+/// Vertices in a layer of cells of equal c.
 struct Layer {
-    /// Ascending positions (b × width + a) in the layer of the cells that have a vertex.
+    /// Indices b × width + a of the cells that have a vertex; ascending.
     positions: Vec<u32>,
 }
 
@@ -185,8 +185,8 @@ impl Layer {
             part.cells.push([a as u16, b as u16, c as u16]);
             part.neighbours.push(neighbours);
             part.junctions.push(junctions);
-            // Label of the voxel at the cell's near corner; a quad separates it from each neighbour in the cell with
-            // another label.
+            // Label of the voxel at the cell's near corner. A quad separates this voxel from each of its neighbours in
+            // the cell that has another label.
             let near = corners[0];
             let mut quad = |far: u16, around: [u32; 4]| {
                 if inner(near) != inner(far) {

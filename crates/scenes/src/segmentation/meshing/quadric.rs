@@ -34,7 +34,7 @@ impl Quadric {
         (square + 2.0 * (self.b[0] * x + self.b[1] * y + self.b[2] * z) + self.c).max(0.0)
     }
 
-    /// Point near `start` at which the sum is least. Along directions that no plane constrains, it stays at `start`.
+    /// Point near `start` at which the sum is least. Directions that no plane constrains keep the position of `start`.
     pub(super) fn minimum(&self, start: DVec3) -> DVec3 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let trace = xx + yy + zz;

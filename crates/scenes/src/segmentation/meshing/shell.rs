@@ -15,11 +15,11 @@ use super::part::Part;
 const SHARE_MAX: f64 = 0.35;
 /// Rounds of averaging depths and directions over neighbours.
 const EVEN_ROUNDS: usize = 3;
-/// Rounds of averaging that carry the shift of the surface at the rim of a cut into the cut.
+/// Rounds of averaging that spread the shift at the rim of a cut face over the cut face.
 const CUT_ROUNDS: usize = 60;
 /// Rounds of reducing the depth where faces would turn over.
 const FOLD_ROUNDS: usize = 12;
-/// Smallest cosine of the angle between the normals of a face and of its offset; below it, the face turns over.
+/// Smallest cosine of the angle between the normals of a face and of its offset. Faces below this limit turn over.
 const TURN_MIN: f64 = 0.3;
 /// Distance inward from the surface at which a ray starts, mm.
 const START_MM: f64 = 1e-3;
@@ -31,7 +31,7 @@ impl Part {
     pub fn inward(&self, depth_mm: f64) -> Self {
         let neighbours = self.neighbours();
         let normals = self.normals();
-        // Normals are taken along the grid's faces, so they are zero where the scan cuts the part.
+        // Normals are projected onto the grid's faces, so they are zero within a face that the scan cuts.
         let in_cut: Vec<bool> = normals.iter().map(|n| *n == DVec3::ZERO).collect();
         let mut depths = self.depths(&normals, depth_mm);
         let mut directions = normals;
@@ -57,7 +57,7 @@ impl Part {
                 }
             }
         }
-        // Faces that still turn over are put back onto the outer surface.
+        // Faces that still turn over are moved back to the outer surface.
         let mut inner = self.moved(&neighbours, &in_cut, &directions, &depths);
         loop {
             let folds = self.folds(&inner);
@@ -111,7 +111,7 @@ impl Part {
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.vertices_mm.len()];
         for &[a, b, c] in &self.triangles {
             for (v, w) in [(a, b), (b, c), (c, a)] {
-                // The other direction of the edge belongs to the other face.
+                // The other face at the edge adds the opposite direction.
                 neighbours[v as usize].push(w);
             }
         }
@@ -127,11 +127,11 @@ impl Part {
 
     fn in_border(&self, vertex: usize, direction: DVec3) -> DVec3 {
         let along = self.along_border(vertex, direction);
-        // For a vertex within a cut, only rounding errors remain.
+        // For a vertex within a cut face, the projection leaves only rounding errors.
         if along.length() > 1e-6 * direction.length().max(1e-12) { along.normalize_or_zero() } else { DVec3::ZERO }
     }
 
-    /// Unit normal of each vertex, along the grid's faces for vertices on them; zero within a cut.
+    /// Unit normal of each vertex, projected onto the grid's faces for vertices on these faces; zero within a cut face.
     fn normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.vertices_mm.len()];
         for t in &self.triangles {

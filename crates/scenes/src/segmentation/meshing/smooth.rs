@@ -1,4 +1,4 @@
-//! Smoothing of a net: it removes staircases and keeps volumes and thin parts.
+//! Smoothing of a net, which removes staircases but keeps volumes and thin parts.
 //!
 //! Vertices move to the mean of their neighbours and never leave their cells (Gibson 1998). Where several surfaces join
 //! in a line, vertices move along that line only. Averaging shrinks curved surfaces. The average loss around a vertex
@@ -9,10 +9,10 @@ use rayon::prelude::*;
 
 use super::nets::{NO_VERTEX, Net};
 
-/// Largest distance of a vertex from its cell's centre along each axis, voxels. It is below one half, so that a single
+/// Largest distance of a vertex from its cell's centre along each axis, voxels; less than one half, so that a single
 /// layer of voxels keeps some thickness.
 const REACH: f32 = 0.45;
-/// Rounds of averaging, each followed by restoring the loss.
+/// Rounds of averaging, each followed by restoring the lost volume.
 const ROUNDS: usize = 5;
 /// Averaging steps in a round.
 const AVERAGES: usize = 5;
@@ -24,9 +24,9 @@ const SPREAD: usize = 12;
 pub(super) enum Kind {
     /// On one surface: free.
     Surface,
-    /// On a line where surfaces join: movable along the line.
+    /// On a junction line of several surfaces: movable along the line.
     Line,
-    /// Where several such lines join: fixed.
+    /// At a point where several junction lines join: fixed.
     Corner,
 }
 
@@ -51,7 +51,7 @@ impl Net {
         }
     }
 
-    /// `offset` clamped such that the vertex stays in its cell, and on the grid's faces that it lies on.
+    /// `offset` clamped such that the vertex stays in its cell, and stays on the faces of the grid.
     fn held(&self, vertex: usize, offset: Vec3) -> Vec3 {
         let border = self.border(vertex);
         let fixed = border | border >> 3;

@@ -26,8 +26,8 @@ impl Complex {
         volumes
     }
 
-    /// Moves surfaces along their normals until each label has its volume in `wanted_mm3`, but by at most `most_mm` in
-    /// total. Lines where several surfaces join don't move.
+    /// Moves surfaces along their normals until each label has its volume in `wanted_mm3`. No surface moves by more
+    /// than `most_mm` in total. Lines where several surfaces join don't move.
     pub fn restore_volumes(&mut self, wanted_mm3: &HashMap<u16, f64>, most_mm: f64) {
         let step_mm = most_mm / ROUNDS as f64;
         for _ in 0..ROUNDS {

@@ -46,7 +46,7 @@ pub fn make_well_composed(labels: &mut [u16], size: [usize; 3], rank: &(dyn Fn(u
     changed
 }
 
-/// Whether a label has just two opposite corners of a square, whose labels are given in order around it.
+/// Whether a label has just two opposite corners of a square with these labels, given in order around the square.
 fn crossed([p, q, r, s]: [u16; 4]) -> bool {
     (p == r && q != p && s != p) || (q == s && p != q && r != q)
 }
@@ -86,7 +86,7 @@ struct Squares {
 }
 
 impl Squares {
-    /// Corners, in order around, of the square in `plane` whose lowest corner is this voxel; `None` beyond the grid.
+    /// Corners, in order, of the square in `plane` with its lowest corner at voxel `first`; `None` beyond the grid.
     fn corners(&self, first: usize, plane: u8) -> Option<[usize; 4]> {
         let (u, v) = PLANES[usize::from(plane)];
         let at = |axis: usize| first / self.strides[axis] % self.size[axis];
