@@ -25,7 +25,7 @@ impl VolumeError {
 /// Faults of volume files; `VolumeError` adds the path.
 #[derive(Debug, Error)]
 pub enum VolumeFault {
-    /// The operating system's refusal to read.
+    /// A file that the operating system can't read.
     #[error("can't be read: {0}")]
     Read(#[from] std::io::Error),
     /// Damaged compressed data.
@@ -37,7 +37,7 @@ pub enum VolumeFault {
          .seg.nrrd) files{remedy}"
     )]
     Format {
-        /// What the content looks like.
+        /// Description of the content.
         found: &'static str,
         /// Advice, starting with `; `, or empty.
         remedy: &'static str,
@@ -53,7 +53,7 @@ pub enum VolumeFault {
         /// Advice to the user.
         remedy: &'static str,
     },
-    /// Missing bytes at the end.
+    /// A file that ends too early.
     #[error("truncated: {part}: {expected} bytes expected, {found} found")]
     Truncated {
         /// Part of the file that ends early.
@@ -99,16 +99,16 @@ pub enum VolumeFault {
          left, y anterior, z superior)"
     )]
     NoAxes {
-        /// What was found instead.
+        /// Description of the header in this respect.
         found: &'static str,
     },
-    /// A sform and a qform that contradict each other.
+    /// An sform and a qform that contradict each other.
     #[error(
         "its sform and qform contradict each other: {what}; if you know which one is right, pass `--prefer sform` (which \
          nibabel reads) or `--prefer qform`, else write the file anew with the program that made it"
     )]
     Forms {
-        /// What the two contradict each other about.
+        /// Description of the contradiction.
         what: String,
     },
     /// Voxels of impossible size or shape.

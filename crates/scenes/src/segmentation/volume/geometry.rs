@@ -1,4 +1,4 @@
-//! Patient axes, and placements of voxel grids in them.
+//! Patient axes, and conversion of voxel grids to LPS.
 
 use glam::{DAffine3, DMat3, DVec3};
 use insonify_core::names::named;
@@ -35,8 +35,7 @@ const VOXEL_MM: std::ops::RangeInclusive<f64> = 0.01..=50.0;
 /// Smallest volume of a voxel, relative to that of a box with the same edge lengths.
 const LEAST_VOLUME: f64 = 1e-3;
 
-/// Converts `affine` from `axes` to LPS and from the header's `unit` to mm, if its voxels have a volume and sizes
-/// within the limits. `unit_mm` is the length of the unit, mm.
+/// Converts `affine` from `axes` to LPS, and from the header's `unit` to mm. `unit_mm` is the length of the unit in mm.
 ///
 /// # Errors
 /// Non-finite numbers; flat voxels; voxel sizes outside 0.01 mm to 50 mm.
@@ -60,7 +59,7 @@ pub(super) fn lps_mm(
     if relative < LEAST_VOLUME {
         return Err(degenerate("the affine's axes lie in one plane: its determinant is near zero".to_owned()));
     }
-    // Adding zero turns -0 into 0, so that equal placements are equal in print as well.
+    // Adding zero turns -0 into 0, so that equal placements are also printed alike.
     let clean = |v: DVec3| v + DVec3::ZERO;
     let matrix = DMat3::from_cols(clean(matrix.x_axis), clean(matrix.y_axis), clean(matrix.z_axis));
     Ok(DAffine3::from_mat3_translation(matrix, clean(origin)))

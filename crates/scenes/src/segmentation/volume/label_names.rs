@@ -15,7 +15,7 @@ pub(super) struct LabelNames {
 }
 
 impl LabelNames {
-    /// Adds a segment. If its label has one already, the first segment that has a name stays.
+    /// Adds a segment. Of several segments with the same layer and label, the first segment with a name is kept.
     ///
     /// # Errors
     /// A label with two different names.
@@ -37,7 +37,6 @@ impl LabelNames {
         Ok(())
     }
 
-    /// The segments.
     pub(super) fn segments(self) -> Vec<Segment> {
         self.segments
     }

@@ -36,9 +36,9 @@ pub const OUTSIDE: f32 = -1024.0;
 /// Choices by the user in reading volumes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReadOptions {
-    /// Axes for files that don't state theirs; files that do are not affected.
+    /// Axes that are assumed for files that state no axes; ignored for other files.
     pub assume_axes: Option<PatientAxes>,
-    /// Choice for NIfTI files whose sform and qform contradict each other. Without it, such files are refused.
+    /// Preferred form of NIfTI files whose sform and qform contradict each other. If `None`, such files are refused.
     pub prefer: Option<NiftiForm>,
 }
 
@@ -76,7 +76,7 @@ pub struct LabelMap {
     /// Labels of each layer, i fastest; 0 is background. A voxel has a label in each layer, so segments of different
     /// layers may overlap.
     pub layers: Vec<Vec<u16>>,
-    /// Segments. First those that the file names, in its order; then the other labels that occur in the voxels,
+    /// Segments: first the segments that the file names, in its order; then the other labels that occur in the voxels,
     /// ascending.
     pub segments: Vec<Segment>,
     /// Assumptions and choices in reading, one sentence each.
@@ -109,7 +109,7 @@ pub struct Image {
     pub lps_from_voxel: DAffine3,
     /// Values after slope and intercept, i fastest; HU for a CT.
     pub values: Vec<f32>,
-    /// Kind of the image that the user states. Without it, the values decide.
+    /// Kind of the image as stated by the user. If `None`, the kind is determined from the values.
     pub stated: Option<Modality>,
     /// Assumptions and choices in reading, one sentence each.
     pub remarks: Vec<String>,

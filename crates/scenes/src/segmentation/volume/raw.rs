@@ -16,7 +16,7 @@ pub struct RawVolume {
     pub(super) lps_from_voxel: DAffine3,
     /// Stored values of all layers.
     pub(super) samples: Samples,
-    /// Layers, and where their axis is among the axes of the data.
+    /// Number of layers, and position of the layers' axis among the axes of the data.
     pub(super) layers: Layers,
     /// Segments that the file names.
     pub(super) segments: Vec<Segment>,
@@ -24,7 +24,7 @@ pub struct RawVolume {
     pub(super) remarks: Vec<String>,
 }
 
-/// Layers of a volume: an axis of the data that is not one of space.
+/// Layers of a volume, which are counted by an axis of the data besides the three axes of space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layers {
     /// Number of layers.

@@ -9,7 +9,7 @@ use super::raw::RawVolume;
 use super::source::{Source, file_length, in_data_file};
 use super::{Image, LabelMap, ReadOptions, VolumeError, VolumeFault, nifti, nrrd};
 
-/// Number of bytes at the start of a file by which its format is recognised.
+/// Number of bytes at the start of a file that suffice to recognise the format.
 const START_BYTES: u64 = 352;
 
 /// Advice for other volume formats.
@@ -66,7 +66,7 @@ fn read(path: &Path, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
     }
 }
 
-/// Content of a file, decompressed if it is gzip data, and whether it was gzip data.
+/// Content of a file, decompressed if necessary, and whether the file is gzip data.
 fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     let length = file_length(path)?;
     let mut magic = Vec::new();

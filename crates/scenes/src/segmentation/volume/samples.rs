@@ -55,7 +55,7 @@ impl Samples {
         }
     }
 
-    /// Converts each value, in order. The error is that of the first value that can't be converted, with its index.
+    /// Converts each value, in order. Fails with the index and error of the first value that can't be converted.
     fn each<T: Send + Default + Clone, E: Send>(
         &self,
         convert: impl Fn(Value) -> Result<T, E> + Sync,
@@ -133,7 +133,7 @@ fn map<const N: usize, T: Send + Default + Clone, E: Send>(
         Ok(())
     };
     let pieces = out.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK)).enumerate();
-    // The error at the lowest index counts, whichever thread finds one first.
+    // Threads may find several errors in any order; the error at the lowest index counts.
     let first = pieces.filter_map(|piece| fill(piece).err()).min_by_key(|(index, _)| *index);
     first.map_or(Ok(out), Err)
 }

@@ -1,4 +1,4 @@
-//! Bounded reads: the available memory is checked before any is allocated.
+//! Bounded reads, and checks that there is enough memory for a volume.
 
 use std::io::Read;
 use std::path::Path;
@@ -16,7 +16,7 @@ pub(super) const MAX_BYTES: u64 = 4 << 30;
 /// Memory of one decoded label or value, bytes. The stored value is in memory at the same time.
 const DECODED_BYTES: u64 = 4;
 
-/// A stream of bytes, with the number of bytes left in it if that is known.
+/// A stream of bytes, with the number of remaining bytes if it is known.
 pub(super) struct Source<'a> {
     stream: Box<dyn Read + 'a>,
     left: Option<u64>,
@@ -57,7 +57,7 @@ impl<'a> Source<'a> {
         Ok(bytes)
     }
 
-    /// Reads all remaining bytes, at most `limit`. `what` names their number in the error.
+    /// Reads all remaining bytes; more than `limit` are an error. `what` names the number of bytes in the error.
     pub(super) fn rest(&mut self, limit: u64, what: &'static str) -> Result<Vec<u8>, VolumeFault> {
         let mut bytes = Vec::new();
         let read = (&mut self.stream).take(limit + 1).read_to_end(&mut bytes);
@@ -102,12 +102,12 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Source of the decompressed content, if gzip data follow.
+    /// Source of the decompressed content of the gzip data that follow.
     pub(super) fn into_gzip(self) -> Self {
         Self::gzip(self.stream)
     }
 
-    /// Whether another byte follows; reads it. At the end of gzip data, this also verifies the checksum.
+    /// Reads one byte, and returns whether there was one. At the end of gzip data, this also verifies the checksum.
     pub(super) fn has_more(&mut self) -> Result<bool, VolumeFault> {
         match self.stream.read(&mut [0]) {
             Ok(count) => Ok(count > 0),

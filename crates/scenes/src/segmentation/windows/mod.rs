@@ -1,7 +1,7 @@
 //! Acoustic windows of a patient: standard planes through the organs, with a probe on the skin.
 //!
-//! A window has an organ at its centre and a usual direction to the probe. A search around that direction finds one in
-//! which bone and gas hide as little of the organ as possible. Patient frame: LPS, x left, y posterior, z superior, mm.
+//! A window has an organ at its centre and a usual direction to the probe. A search around the usual direction finds
+//! a direction in which bone and gas hide little of the organ. Patient frame: LPS, x left, y posterior, z superior, mm.
 
 mod sight;
 mod standard;
@@ -14,7 +14,7 @@ pub use standard::{look_at, windows};
 
 use insonify_core::anatomy::planes::View;
 
-/// Number of rings of directions around the usual one in the search, and number of directions per ring.
+/// Number of rings of search directions around the usual direction, and number of directions per ring.
 const RINGS: usize = 6;
 const SPOKES: usize = 16;
 

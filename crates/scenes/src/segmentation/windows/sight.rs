@@ -1,4 +1,4 @@
-//! Lines of sight from the skin to a target, and bone and gas on them.
+//! Lines of sight from the skin to a target, and their obstruction by bone and gas.
 
 use glam::DVec3;
 use insonify_core::anatomy::Skin;
@@ -6,7 +6,7 @@ use insonify_core::anatomy::Skin;
 use crate::segmentation::from_labels::Made;
 use crate::segmentation::grid::CutPlane;
 
-/// Distance from a plane at which the scan ends, mm, within which the outer surface is not skin.
+/// Distance from a cut plane, mm, within which the outer surface counts as the end of the scan and not as skin.
 const CUT_MM: f64 = 6.0;
 /// Positions of sampled points across the target, relative to its half width.
 const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
@@ -24,8 +24,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Lines of sight through `surfaces`, whose scan ends at `cuts`. Surfaces for which `is_hard` is true hide the
-    /// target. `None` if the surfaces have no triangle.
+    /// Lines of sight through `surfaces`. The scan ends at the planes `cuts`. Surfaces for which `is_hard` is true hide
+    /// the target. `None` if the surfaces have no triangle.
     pub fn new(surfaces: &[Made], cuts: Vec<CutPlane>, is_hard: impl Fn(&Made) -> bool) -> Option<Self> {
         let outer = surfaces.iter().flat_map(|s| s.mesh.corners_mm());
         let skin = Skin::of_triangles(outer).ok()?;
@@ -56,7 +56,7 @@ impl Sight {
             let way = contact_mm + along_face * aside_mm - point;
             let length_mm = way.length();
             let along = way / length_mm.max(1e-9);
-            // The last hard surface on the line outward decides; beyond the contact there is none.
+            // `exit` finds the outermost hard surface on the line; beyond the contact, there are no surfaces.
             let hit = hard.exit(point, along);
             hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
         };

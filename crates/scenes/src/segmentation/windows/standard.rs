@@ -37,15 +37,15 @@ impl<'a> Organs<'a> {
     }
 }
 
-/// A view whose probe is still to be placed. `radius_mm` is the radius of its target, `cone_deg` the largest angle
-/// between the usual direction to the probe and the one found.
+/// A view whose probe is still to be placed. `radius_mm` is the radius of the target. `cone_deg` is the largest
+/// accepted angle between the direction to the probe and the usual direction.
 struct Wish {
     view: View,
     radius_mm: f64,
     cone_deg: f64,
 }
 
-/// Windows of a patient, with poses and hidden shares. A window needs its organs, and skin within reach.
+/// Windows of a patient, with poses and hidden shares. A window without its organs, or without skin, is left out.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
     let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
@@ -93,7 +93,7 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
     view.to_probe = site.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
     view.pose = view.pose_on(sight.skin(), PRESS_MM);
-    // A landmark too far from the plane would prevent the recognition of the plane, so it is left out.
+    // A landmark too far from the plane is left out, since it would prevent the recognition of the plane.
     let (centre_mm, normal) = (view.centre_mm, view.normal);
     let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
     view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
@@ -157,7 +157,7 @@ fn liver(organs: &Organs) -> Option<Window> {
 }
 
 /// Long axis of the right kidney, from the flank. If Morison's pouch, between kidney and liver, is near, the plane
-/// shows it.
+/// is turned towards the pouch.
 fn right_kidney(organs: &Organs) -> Option<Window> {
     let kidney = organs.of(&["kidney_right"])?;
     let mut wish = kidney_wish(kidney, RIGHT, "RKL")?;

@@ -41,8 +41,8 @@ pub(super) struct Header {
     pub rows: [[f64; 4]; 3],
 }
 
-/// Version (1 or 2), and whether the bytes are big-endian. Both follow from the first four bytes, the header's length.
-/// `None` if these are of no NIfTI file.
+/// Version (1 or 2), and whether the bytes are big-endian, from the first four bytes: the header's length. `None` if
+/// the length is not that of a NIfTI header.
 pub(in super::super) fn version(start: &[u8]) -> Option<(u8, bool)> {
     let length: [u8; 4] = start.get(..4)?.try_into().ok()?;
     match (u32::from_le_bytes(length), u32::from_be_bytes(length)) {
@@ -122,7 +122,7 @@ fn sizes(dim: [i64; 8]) -> Result<Vec<u64>, VolumeFault> {
     dim[1..=count].iter().enumerate().map(size).collect()
 }
 
-/// Reader of numbers at byte offsets; beyond the end they are 0.
+/// Reader of numbers at byte offsets. Numbers beyond the end are 0.
 struct Fields<'a> {
     bytes: &'a [u8],
     big_endian: bool,

@@ -18,7 +18,7 @@ use super::{ReadOptions, VolumeFault};
 /// Largest number of bytes of the header's extensions.
 const MAX_EXTENSION_BYTES: u64 = 64 << 20;
 
-/// Volume in `bytes`, which are a decompressed `.nii` file or a `.hdr` file. The voxels of the latter are in `voxels`.
+/// Volume in `bytes`, a decompressed `.nii` or `.hdr` file. For `.hdr`, `voxels` is the content of the voxel file.
 ///
 /// # Errors
 /// A header that can't be used, or missing bytes.
@@ -59,7 +59,7 @@ pub(super) fn read_nifti(
         None if header.single => {
             let extensions = source.take(offset - header.bytes, "the header's extensions")?;
             let data = source.take(expected, "the voxels")?;
-            // Reading on verifies the checksum of gzip data. Bytes after the voxels are ignored, as by nibabel.
+            // This read verifies the checksum of gzip data. Bytes after the voxels are ignored, as in nibabel.
             source.has_more()?;
             (extensions, data)
         }

@@ -3,10 +3,10 @@
 use super::super::label_names::LabelNames;
 use super::super::{Segment, VolumeFault};
 
-/// Length of the shortest extension, bytes: those of its length and code.
+/// Size of the head of an extension, bytes: its length and its code.
 const HEAD_BYTES: usize = 8;
 
-/// Segments in the label tables of the extensions. `bytes` begin after the header.
+/// Segments in the label tables of the extensions. `bytes` starts after the header.
 ///
 /// Caret's extensions have code 30, TotalSegmentator's have code 0. The content decides whether there is a label table.
 ///
@@ -65,7 +65,7 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
     Ok(names.segments())
 }
 
-/// A share, 0 to 1, as a byte, 0 to 255.
+/// Conversion of a share, 0..=1, to a byte, 0..=255.
 pub(in super::super) fn byte(share: f64) -> u8 {
     (share * 255.0).round().clamp(0.0, 255.0) as u8
 }

@@ -1,4 +1,4 @@
-//! Placement of a NIfTI file's voxels by one of its forms, sform or qform, and contradictions between the two.
+//! Placement of a NIfTI file's voxels by its sform or qform, and contradictions between these two forms.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -12,7 +12,7 @@ const TURN_DEGREES: f64 = 30.0;
 /// Ratio of the forms' voxel volumes, or voxel edges, above which they differ by more than rounding.
 const VOLUME_RATIO: f64 = 1.1;
 
-/// Largest distance between the positions of a corner by the two forms that counts as rounding, mm and voxels.
+/// Largest distance that counts as rounding, between a corner's positions by the two forms; in mm and in voxels.
 const SHIFT_MM: f64 = 2.0;
 const SHIFT_VOXELS: f64 = 1.0;
 
@@ -20,7 +20,7 @@ const SHIFT_VOXELS: f64 = 1.0;
 /// where the two forms differ.
 ///
 /// # Errors
-/// No placement at all; impossible voxels; forms that contradict each other, unless `options` prefer one.
+/// No placement at all; impossible voxels; forms that contradict each other, unless `options` state a preference.
 pub(super) fn placement(
     header: &Header,
     size: [u64; 3],
@@ -79,7 +79,7 @@ fn qform(header: &Header) -> Result<DAffine3, VolumeFault> {
 fn unit_quaternion([b, c, d]: [f64; 3]) -> DQuat {
     let rest = 1.0 - (b * b + c * c + d * d);
     if rest < 1e-7 {
-        // The rotation is half a turn: due to rounding, (b, c, d) may be longer than 1.
+        // The rotation is half a turn. Due to rounding, (b, c, d) may be longer than 1.
         let length = (b * b + c * c + d * d).sqrt();
         return DQuat::from_xyzw(b / length, c / length, d / length, 0.0);
     }
@@ -97,7 +97,7 @@ fn unit(code: i64) -> Result<(&'static str, f64), VolumeFault> {
     }
 }
 
-/// The placements of one file by both forms, LPS, mm.
+/// Placements of one file by its sform and by its qform, LPS, mm.
 struct Forms<'a> {
     header: &'a Header,
     size: [u64; 3],
@@ -105,7 +105,7 @@ struct Forms<'a> {
     qform: DAffine3,
 }
 
-/// The placement by the preferred form, else by the sform, and remarks on how the other one differs.
+/// Placement by the preferred form, else by the sform, and remarks on the differences of the other form.
 fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec<String>), VolumeFault> {
     let taken = prefer.unwrap_or(NiftiForm::Sform);
     let affine = if taken == NiftiForm::Sform { forms.sform } else { forms.qform };
@@ -123,7 +123,7 @@ fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec
 }
 
 impl Forms<'_> {
-    /// Contradiction between the forms in words: in sides, directions or sizes of voxels. `None` if there is none.
+    /// Description of a contradiction between the forms: in sides, directions or voxel sizes. `None` if they agree.
     fn contradiction(&self) -> Option<String> {
         let (s, q) = (self.sform.matrix3, self.qform.matrix3);
         let axis = (0..3).map(|n| (n, s.col(n).angle_between(q.col(n)).to_degrees()));
@@ -147,7 +147,7 @@ impl Forms<'_> {
         })
     }
 
-    /// Distance between the forms' placements in words; `None` if it is within rounding.
+    /// Description of the distance between the forms' placements; `None` for a distance within rounding.
     fn distance(&self) -> Option<String> {
         let corner = |n: usize| -> DVec3 {
             let ends = self.size.map(|size| size.saturating_sub(1) as f64);

@@ -264,7 +264,7 @@ fn forms_that_agree_are_silent() {
 
 #[test]
 fn forms_of_opposite_sides_are_refused_unless_one_is_preferred() {
-    // Half a turn about y and a reversed third axis: x alone is mirrored.
+    // Half a turn about y and a reversed third axis mirror x alone.
     let mirrored = with_qform([0.0, 1.0, 0.0, -4.0, -20.0, 30.0], -1.0);
     for version in [1, 2] {
         let error = refusal(&Nifti { version, ..mirrored.clone() });
@@ -328,8 +328,8 @@ fn a_form_that_cannot_be_used_is_left_out_and_said() {
 }
 
 proptest! {
-    /// A difference between the forms is never silent: both place a voxel at nearly the same position, or a message
-    /// tells the difference.
+    /// A difference between the forms is never silent: either both forms place a voxel at nearly the same position, or
+    /// a message reports the difference.
     #[test]
     fn any_difference_of_the_forms_is_said(
         rotation in [-1.0_f64..1.0, -1.0..1.0, -1.0..1.0],

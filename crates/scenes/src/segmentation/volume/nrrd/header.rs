@@ -18,7 +18,7 @@ pub(super) struct Header {
     fields: HashMap<String, String>,
     /// Key/value pairs, in the order of the file.
     pub pairs: Vec<(String, String)>,
-    /// Assumptions in reading.
+    /// Assumptions in reading, one sentence each.
     pub remarks: Vec<String>,
 }
 
@@ -123,14 +123,14 @@ impl Header {
         self.field(name).map(numbers).transpose()
     }
 
-    /// A field's value as vectors of three numbers. A vector is `None` for `none`, for which some programs write a
-    /// vector of NaN.
+    /// A field's value as vectors of three numbers. The text `none`, or a vector of NaN, as some programs write, gives
+    /// `None`.
     pub(super) fn vectors(&self, name: &str) -> Result<Option<Vec<Option<DVec3>>>, VolumeFault> {
         let expected = "vectors of three numbers, as (1,0,0), or `none` for an axis that isn't one of space";
         self.field(name).map(|value| vectors(value).ok_or_else(|| bad(name, value, expected))).transpose()
     }
 
-    /// A field's value as words, without their quotes if any.
+    /// A field's value as words without quotes; `None` without the field.
     pub(super) fn words(&self, name: &str) -> Option<Vec<String>> {
         self.field(name).map(|value| value.split_whitespace().map(|word| word.trim_matches('"').to_owned()).collect())
     }

@@ -16,7 +16,7 @@ use super::raw::{Layers, RawVolume};
 use super::source::{Source, file_length, in_data_file, voxel_count};
 use super::{ReadOptions, VolumeFault};
 
-/// Largest number of layers of a segmentation; memory holds a table of labels for each.
+/// Largest number of layers of a segmentation, since each layer needs a table of labels in memory.
 const LAYERS_MAX: usize = 512;
 
 /// Volume from the bytes of a header, up to its blank line, and the bytes of its data, attached or detached.
@@ -27,7 +27,7 @@ pub fn decode_nrrd(header: &[u8], data: &[u8], options: ReadOptions) -> Result<R
     Plan::of(&Header::parse(header)?, options)?.read(Source::plain(data, data.len() as u64))
 }
 
-/// Volume in a stream of `length` bytes. `folder` is the folder of the file; the header may name a data file in it.
+/// Volume in a stream of `length` bytes. The header may name a data file, which must be in `folder`, the file's folder.
 pub(super) fn read_nrrd(
     mut stream: impl BufRead,
     length: u64,
@@ -54,7 +54,7 @@ pub(super) fn read_nrrd(
     data().map_err(|fault| in_data_file(&folder.join(name), unquoted(fault)))
 }
 
-/// A fault without quotes from the data file's content, since a header may name any file.
+/// The fault without text from the data file, since a header may name a private file.
 fn unquoted(fault: VolumeFault) -> VolumeFault {
     match fault {
         VolumeFault::Text { index, kind, .. } => {
@@ -64,7 +64,7 @@ fn unquoted(fault: VolumeFault) -> VolumeFault {
     }
 }
 
-/// Plan for reading the data of a header.
+/// Plan for reading the data that a header describes.
 struct Plan<'a> {
     header: &'a Header,
     size: [usize; 3],

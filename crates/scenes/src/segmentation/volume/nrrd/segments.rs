@@ -6,7 +6,7 @@ use super::super::label_names::LabelNames;
 use super::super::nifti::byte;
 use super::super::{Segment, VolumeFault};
 
-/// Values of the keys of one segment.
+/// Values of one segment's keys.
 #[derive(Debug, Default)]
 struct Keys {
     value: Option<u16>,
@@ -29,7 +29,7 @@ impl Keys {
 /// Segments in the order of their numbers `N`.
 ///
 /// # Errors
-/// A layer or label that isn't a number in its range; a label with two names.
+/// A layer or label that isn't a number or is out of range; a label with two names.
 pub(super) fn segments(pairs: &[(String, String)]) -> Result<Vec<Segment>, VolumeFault> {
     let mut numbered: BTreeMap<usize, Keys> = BTreeMap::new();
     for (key, value) in pairs {

@@ -213,7 +213,7 @@ fn a_data_file_out_of_the_folder_is_refused_and_nothing_of_it_is_quoted() {
             assert!(!error.contains("hunter"), "{error}");
         }
     }
-    // Files in the folder may be links to private files, so their content is not quoted, either.
+    // Files in the folder may be links to private files, so errors don't quote their content.
     std::fs::write(own.join("notes"), "hunter2").unwrap();
     let error = read("notes", "text");
     assert!(error.contains("value 0 of the text data is not a number") && !error.contains("hunter"), "{error}");
@@ -233,7 +233,7 @@ fn a_volume_beyond_the_memory_is_refused_by_its_header() {
     let sizes =
         |text: &str| text.replace("sizes: 4 3 2", "sizes: 1024 1024 1024").replace("type: uchar", "type: float");
     let text = sizes(&header("uchar", "gzip", &format!("{PLACED}endian: little\n")));
-    // A few bytes announce 4 GiB of voxels.
+    // The header of a file of a few bytes announces 4 GiB of voxels.
     let error = refusal(&text, &gzipped(&[0; 1000]));
     let is_short = error.contains("truncated: the voxels: 4294967296 bytes expected, 1000 found");
     assert!(is_short || error.contains("it needs about 8.6 GB of memory"), "{error}");

@@ -8,7 +8,7 @@ use super::super::samples::Samples;
 use super::super::source::{MAX_BYTES, Source, room_for, within};
 use super::header::Header;
 
-/// Reads `count` values from `source`, which begins with the data.
+/// Reads `count` values from `source`, which starts at the data.
 ///
 /// # Errors
 /// An encoding or type that isn't read; missing or surplus bytes.
@@ -45,7 +45,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
         }
         _ if is_text => {
             source.skip(byte_skip.max(0).unsigned_abs(), "the bytes to skip")?;
-            // Text and numbers are in memory at the same time.
+            // Text and decoded numbers are in memory at the same time.
             memory_for(source.left().unwrap_or(0).saturating_add(count.saturating_mul(8)))?;
             let text = source.rest(MAX_BYTES, "the size of the text data in bytes")?;
             return text_values(&text, count, kind);
@@ -59,7 +59,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
     Ok(Samples { kind, big_endian, bytes, scale: None })
 }
 
-/// Reads exactly `expected` bytes; an error if more follow.
+/// Reads exactly `expected` bytes. Further bytes are an error.
 fn take(source: &mut Source<'_>, expected: u64) -> Result<Vec<u8>, VolumeFault> {
     let bytes = source.take(expected, "the voxels")?;
     if source.has_more()? { Err(VolumeFault::Surplus { expected }) } else { Ok(bytes) }
