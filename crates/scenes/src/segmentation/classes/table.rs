@@ -223,7 +223,7 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// Adds the classes of all built-in tables whose names aren't known yet, without their label numbers.
+    /// Adds the built-in tables' classes with names that aren't known yet, but not the label numbers of these classes.
     fn add_builtin_names(&mut self) -> Result<(), ClassError> {
         for (name, text) in BUILTIN {
             for class in Self::parse(name, text)?.classes {

@@ -99,7 +99,7 @@ pub enum VolumeFault {
          left, y anterior, z superior)"
     )]
     NoAxes {
-        /// Description of the header in this respect.
+        /// Description of the header's missing fields or values.
         found: &'static str,
     },
     /// An sform and a qform that contradict each other.
