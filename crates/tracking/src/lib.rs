@@ -1,6 +1,6 @@
 //! Trackers of insonify, a real-time ultrasound simulator: from received bytes to pose records, live or recorded.
 //!
-//! A decoder is given bytes and returns records. It reads no port and no clock, so tests, fuzzers and replays run the
+//! A decoder takes bytes and returns records. It reads no port and no clock, so tests, fuzzers and replays run the
 //! decoder of a live session.
 //!
 //! ```
@@ -13,7 +13,7 @@
 //! // Half of a line: more bytes are needed.
 //! let mut buffer = BytesMut::from("P,7,1000,1.5,-2,80.25,");
 //! assert_eq!(decoder.decode(&mut buffer)?, None);
-//! // The rest of it, with its checksum.
+//! // The rest of the line, with its checksum.
 //! buffer.extend_from_slice(b"1,0,0,0*0F\n");
 //! let record = decoder.decode(&mut buffer)?.ok_or("more bytes are needed")?;
 //! let Reading::Pose(pose) = record.reading else { return Err("the record holds no pose".into()) };

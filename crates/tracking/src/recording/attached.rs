@@ -52,7 +52,7 @@ pub(super) fn read_metadata(record: &Metadata, settings: &mut Option<SessionSett
 
 /// Reads the attachment record `content` into `settings`; a record with another name is ignored.
 ///
-/// It is parsed here because the parser of the mcap crate (0.26) panics on a truncated record.
+/// The record is parsed here because the parser of the mcap crate (0.26) panics on a truncated one.
 pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSettings>) -> Result<(), String> {
     let short = || format!("an attachment of {} bytes ends early", content.len());
     let (body, checksum) = content.split_last_chunk::<4>().ok_or_else(short)?;

@@ -1,11 +1,11 @@
 //! Caliper measurements, as events of a recording.
 //!
 //! A caliper is the event [`CALIPER_EVENT`] with the value `{"measure": "BPD", "points_mm": [[x, z], [x, z]]}`. Two
-//! image points give a length. Three give an angle: end, corner, end. Four give an ellipse: the ends of its first axis,
-//! then of its second. Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from
-//! the centre of the probe's face. `measure` is the name of a standard plane's caliper, or free text.
+//! points give a length; three give an angle: end, corner, end; four give an ellipse: the ends of one axis, then of the
+//! other. Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from the centre
+//! of the probe's face. `measure` is the name of a standard plane's caliper, or free text.
 //!
-//! Calipers of a live page also say which frame they belong to ([`Marks`](super::Marks)).
+//! Calipers that were set on a live page also name their frame ([`Marks`](super::Marks)).
 
 use insonify_core::settings::MarkContent;
 use insonify_core::settings::mark::{COORDINATE_LIMIT_MM, NAME_CHARS_MAX, clean};

@@ -62,7 +62,7 @@ impl Capture {
         let (end, ended) = oneshot::channel();
         let reads = tap.clone();
         let read = move || {
-            // Nobody receives the reason if the recording has ended for another one.
+            // The receiver is gone if the recording has already ended for another reason.
             let _ = end.send(reads.read(stream, protocol, Selection::new(sensor)));
         };
         thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
@@ -94,8 +94,8 @@ impl Capture {
         }
     }
 
-    /// Ends the capture. Returns the statistics since the last report, those of each sensor since the start, and the
-    /// totals of a tracker's session (`None` for a stream).
+    /// Ends the capture. Returns the statistics since the last report, the statistics of each sensor since the start,
+    /// and the totals of a tracker's session (`None` for a stream).
     pub fn end(self) -> (TrackerReport, Vec<SensorReport>, Option<SessionSummary>) {
         let summary = match self.source {
             Source::Tracker(session, cancel) => {
@@ -108,13 +108,13 @@ impl Capture {
     }
 }
 
-/// Listener to a tracker that records its bytes and counts its records.
+/// Listener that records a tracker's bytes and counts its records.
 #[derive(Clone)]
 struct Tap {
     recorder: RecorderHandle,
     monitor: Monitor,
     bytes: Arc<AtomicU64>,
-    /// Longest wait for the disk, per piece of bytes.
+    /// Longest wait for the disk per received piece of bytes.
     patience: Duration,
 }
 

@@ -43,8 +43,8 @@ impl<R: Read> DecodedRecording<R> {
     }
 
     /// Decodes the recording of `reader` with the range and axis map of a puck (3D mouse) in `settings`, as a live
-    /// session does. Protocol and sensor come from the recording. If it has several sensors and none was chosen, the
-    /// choice of `settings` for its protocol applies.
+    /// session does. Protocol and sensor come from the recording. If no sensor was chosen for it, the choice in
+    /// `settings` applies, provided that it fits the recording's protocol.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
@@ -95,7 +95,7 @@ impl<R: Read> DecodedRecording<R> {
         Ok(self.items.pop_front())
     }
 
-    /// Summary so far, without `time_reversals` and `duration`, which the functions that collect poses set.
+    /// Summary so far. The functions that collect poses set `time_reversals`, `duration` and `timing` afterwards.
     pub fn finish(mut self) -> RecordingSummary {
         self.summary.damage = self.reader.damage().clone();
         self.summary.settings = self.reader.settings().cloned();

@@ -1,6 +1,6 @@
 //! Removal of implausible time stamps.
 
-/// Distance from its neighbour, ns, beyond which a single first or last time counts as wrong: one hour.
+/// Largest plausible distance of the first or the last time from its neighbour, ns: one hour.
 const LONE_NS: u64 = 3_600_000_000_000;
 
 /// Removes implausible items and returns their number. First, a single first or last item more than an hour from the
@@ -12,7 +12,7 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
     let before = items.len();
     let mut kept = longest_ascending(items, &time_ns);
     let lone = |a: usize, b: usize| time_ns(&items[b]) - time_ns(&items[a]) > LONE_NS;
-    // Two items have no majority to decide which is wrong.
+    // With two items there is no majority to decide which is wrong.
     let (first, last) = match kept[..] {
         [.., second, last] if kept.len() > 2 => {
             (lone(kept[0], kept[1]).then_some(kept[0]), lone(second, last).then_some(last))
@@ -20,11 +20,11 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
         _ => (None, None),
     };
     if first.is_some() || last.is_some() {
-        // The last one is removed first, so the other index stays valid.
+        // The last item is removed first, so the index of the first one stays valid.
         for index in [last, first].into_iter().flatten() {
             items.remove(index);
         }
-        // The removed items may have displaced good ones.
+        // A removed item may have kept good items out of the sequence, so the sequence is computed again.
         kept = longest_ascending(items, &time_ns);
     }
     if kept.len() < items.len() {

@@ -30,7 +30,7 @@ pub struct Inspection<'a> {
     events: &'a [Event],
     /// Final state of the marks on pictures.
     marks: Vec<MarkReport>,
-    /// Unreadable events of marks.
+    /// Reasons for which events of marks could not be read.
     marks_refused: Vec<String>,
     settings: Option<&'a SessionSettings>,
     #[serde(skip)]

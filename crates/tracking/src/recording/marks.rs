@@ -7,9 +7,9 @@
 //! | [`BODY_MARK_EVENT`] | `name`, `turn_deg` |
 //! | [`REMOVAL_EVENT`] | `id` |
 //!
-//! The first three also have `id`, `frame` (its number), `frame_time_ns` (ns since 1970, UTC) and `pose`
-//! (`scene_from_probe`: x, y, z in mm, qw, qx, qy, qz) of the marked frame, if a page set them. A later event with the same
-//! `id` replaces the earlier one.
+//! Marks that were set by a page also have `id`, and the marked frame's number `frame`, time `frame_time_ns` (ns since
+//! 1970, UTC) and `pose` (`scene_from_probe`: x, y, z in mm, qw, qx, qy, qz). A later event with the same `id` replaces
+//! the earlier one.
 
 use insonify_core::settings::{Mark, MarkContent};
 use serde_json::{Value, json};
@@ -41,7 +41,7 @@ pub struct RecordedMark {
 }
 
 impl RecordedMark {
-    /// Time of the picture: of the marked frame, else of the event; ns since 1970 (UTC).
+    /// Time of the marked frame, or of the event if no frame is named; ns since 1970 (UTC).
     pub fn picture_time_ns(&self) -> u64 {
         self.frame.map_or(self.host_time_ns, |frame| frame.time_ns)
     }
@@ -109,7 +109,7 @@ impl Marks {
         self.refused.push((event.host_time_ns, reason));
     }
 
-    /// Marks that are measurements, each with its measurement.
+    /// Marks with a measurement, each with its caliper event.
     pub fn calipers(&self) -> impl Iterator<Item = (&RecordedMark, CaliperEvent)> {
         self.all.iter().filter_map(|mark| Some((mark, CaliperEvent::of(&mark.content)?)))
     }

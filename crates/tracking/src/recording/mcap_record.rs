@@ -13,9 +13,9 @@ pub(super) fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, String> {
     match opcode {
         // Skipped: times of the first and the last message, size, CRC. Compression is a string; the records follow.
         op::CHUNK => rest.skip(28)?.string()?,
-        // Skipped: numbers of channel and schema. Topic and encoding are strings, then comes metadata.
+        // Skipped: numbers of channel and schema. Topic and encoding are strings; the metadata follow.
         op::CHANNEL => rest.skip(4)?.string()?.string()?.map()?,
-        // Name, metadata.
+        // The name is a string; the metadata follow.
         op::METADATA => rest.string()?.map()?,
         _ => &mut rest,
     };

@@ -9,8 +9,8 @@
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
 //! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes to
-//! be found in a session. Events whose names begin with `truth.` describe a generated session, for training. Reports
-//! on a session ignore them, except for the planes of a recording without [`EXAM_EVENT`].
+//! find in a session. Events whose names begin with `truth.` describe a generated session, for training. Reports on a
+//! session use these events only for the planes of a recording without [`EXAM_EVENT`].
 //!
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns` and `format_version`. The choice of the probe among several sensors is `sensor` (a number), `tool`
@@ -123,10 +123,10 @@ pub const SETTINGS_NAME: &str = "insonify.settings";
 /// Name of the attachment with the text of the station file.
 pub const STATION_NAME: &str = "station.toml";
 
-/// Latest version of this format; readers refuse later ones. Version 2 names a tool as the probe.
+/// Latest version of this format; readers refuse later versions. Version 2 can name a tool as the probe.
 pub const FORMAT_VERSION: u32 = 2;
 
-/// Start of the `device` of imported recordings. Their poses are `scene_from_probe`, whatever a station's calibration.
+/// Prefix of `device` in imported recordings. Their poses are `scene_from_probe` already, so no calibration applies.
 pub(crate) const IMPORTED: &str = "imported from ";
 
 /// Value of the metadata `probe` if no sensor was chosen.
@@ -145,7 +145,7 @@ pub struct RecordingInfo {
     pub scene: String,
     /// Start of the recording, ns since 1970 (UTC). For a live session, time 0 of its clock and of the scene's motion.
     pub start_time_ns: u64,
-    /// Choice of the probe among several sensors; `None` takes the first one received, as earlier builds did.
+    /// Choice of the probe among several sensors; `None` takes the first sensor received, as earlier builds did.
     pub sensor: Option<ProbeSensor>,
 }
 
@@ -191,7 +191,7 @@ impl Event {
     }
 }
 
-/// Name of the event that lists the names of the planes to be found in a session.
+/// Name of the event that lists the planes to find in a session.
 pub const EXAM_EVENT: &str = "exam.planes";
 
 /// Name of the event for a lost tracker port.
@@ -237,7 +237,7 @@ pub enum Entry {
 /// Errors in reading or writing a recording.
 #[derive(Debug, Error)]
 pub enum RecordingError {
-    /// The build has no recordings.
+    /// The build lacks the feature `recordings`.
     #[error("cannot use {path}: insonify was built without the feature `recordings`; build it with that feature")]
     NotBuilt {
         /// File.
@@ -268,7 +268,7 @@ pub enum RecordingError {
         /// Cause.
         reason: String,
     },
-    /// Another kind of file.
+    /// The file is of another kind.
     #[error("{path} is not a recording: its first 8 bytes are not those of an MCAP file")]
     NotMcap {
         /// File.

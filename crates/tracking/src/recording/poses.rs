@@ -15,8 +15,8 @@ use crate::tracker::{DecodeError, Settings};
 
 /// Poses of the recording at `path`, ascending in host time, decoded by the recording's protocol.
 ///
-/// Several records of one message share its host time. The intact parts of a damaged recording are used; the summary
-/// reports the rest.
+/// All records of one message have its host time. The intact parts of a damaged recording are used; the summary reports
+/// the rest.
 ///
 /// # Errors
 /// The file cannot be read, is not a recording, or holds no complete pose.
@@ -66,8 +66,8 @@ impl RecordingInfo {
         self.device.starts_with(IMPORTED)
     }
 
-    /// Calibration that converts the poses of this recording, at `path`, to the scene: `of_station`, or an empty one if
-    /// they are in the scene frame already. Logs a note if `of_station` is ignored.
+    /// Calibration that converts the poses of this recording, at `path`, to the scene: `of_station`, or an empty
+    /// calibration if the poses are in the scene frame already. Logs a note if `of_station` is ignored.
     pub fn calibration(&self, path: &Path, of_station: Calibration) -> Calibration {
         if !self.is_in_scene() {
             return of_station;
@@ -94,7 +94,7 @@ fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn
     span(items.iter().map(time_ns), summary);
 }
 
-/// Stores the time from the first to the last of the ascending times `times_ns`.
+/// Stores the duration from the first to the last of `times_ns`, which ascend.
 fn span(mut times_ns: impl DoubleEndedIterator<Item = u64>, summary: &mut RecordingSummary) {
     let Some(first) = times_ns.next() else { return };
     summary.duration = Duration::from_nanos(times_ns.next_back().unwrap_or(first) - first);

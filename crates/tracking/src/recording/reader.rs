@@ -16,7 +16,7 @@ use super::{
 };
 use crate::tracker::ProbeSensor;
 
-/// Longest accepted MCAP record, bytes. A larger value indicates a damaged length.
+/// Longest accepted MCAP record, bytes. A larger length field indicates damage.
 const RECORD_LIMIT: usize = 64 << 20;
 
 /// Size of opcode and length before each MCAP record, bytes.
@@ -342,7 +342,7 @@ fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
         }
         _ => return Err(ChunkError::Damaged("it is no chunk".to_owned())),
     };
-    // Size of the header: three u64, u32, string, u64. All sizes were checked, so nothing may follow the records.
+    // The header holds three u64, a u32, a string and a u64. All sizes were checked, so nothing may follow the records.
     let header_length = 40 + header.compression.len() as u64;
     if header_length + header.compressed_size != data.len() as u64 {
         return Err(ChunkError::Damaged("bytes follow its records".to_owned()));

@@ -235,8 +235,7 @@ impl RecorderHandle {
 }
 
 impl Shared {
-    /// Lock of the queue. The queue is consistent after every statement under its lock, so a panic elsewhere does not
-    /// matter.
+    /// Locks the queue. A panic under the lock does no harm, because the queue is consistent after every statement.
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }

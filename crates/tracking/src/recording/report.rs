@@ -25,13 +25,13 @@ pub struct RecordingReport<'a> {
     pub truncated: Option<&'a str>,
     /// Number of damaged parts that were left out.
     pub damaged_parts: u64,
-    /// Number of pieces of bytes that the decoder refused.
+    /// Number of pieces of the stream that are not records.
     pub decode_errors: u64,
     /// Number of records missing, according to gaps in their counter.
     pub missing_records: u64,
     /// Number of records whose counter did not rise.
     pub sequence_reversals: u64,
-    /// Number of records whose time did not rise.
+    /// Number of poses dropped because their host time decreases or is implausible.
     pub time_reversals: u64,
     /// Number of records of other sensors.
     pub other_sensors: u64,

@@ -21,16 +21,16 @@ pub struct RecordingSummary {
     pub messages: u64,
     /// Number of bytes in these messages.
     pub bytes: u64,
-    /// Number of decoded records, including those dropped afterwards.
+    /// Number of decoded records, including records dropped afterwards.
     pub records: u64,
     /// Number of pieces of the stream that are not records.
     pub decode_errors: u64,
     /// The first decode errors.
     pub decode_errors_first: Vec<DecodeError>,
-    /// Number of records missing by the device's counter.
+    /// Number of missing records, according to the device's counter.
     pub missing_records: u64,
-    /// Number of records whose device counter does not rise: repetitions, or the first after a restart of the device.
-    /// Their poses are used.
+    /// Number of records whose device counter does not rise: repetitions, and the first record after a restart of the
+    /// device. Their poses are used.
     pub sequence_reversals: u64,
     /// Number of records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,

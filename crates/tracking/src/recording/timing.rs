@@ -5,7 +5,7 @@ use serde::Serialize;
 use insonify_core::pose::TimedPose;
 use insonify_core::statistics::{mean_and_deviation, nearest_rank};
 
-/// Interval between two poses above which it counts as a gap, ns: the probe's motion in a gap is unknown.
+/// Longest interval between two poses that is not a gap, ns. The probe's motion in a gap is unknown.
 pub const GAP_NS: u64 = 250_000_000;
 
 /// Largest number of gaps that are listed; all are counted.

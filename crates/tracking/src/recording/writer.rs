@@ -144,7 +144,7 @@ impl RecordingWriter {
         written
     }
 
-    /// Flushes to the operating system: a later kill loses nothing appended before.
+    /// Flushes to the operating system. If the process is killed later, all earlier messages are safe.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -153,7 +153,7 @@ impl RecordingWriter {
     }
 
     fn message(&mut self, channel_id: u16, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        // In either direction: a chunk must also end after a time far in the future.
+        // In both directions: the chunk also ends if a wrong time far in the future is followed by right ones.
         if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
             self.flush()?;
             self.chunk_start_ns = time_ns;

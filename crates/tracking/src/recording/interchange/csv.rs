@@ -4,13 +4,13 @@
 //! |---|---|
 //! | `time_s` | time, s from any origin; must not decrease |
 //! | `x_mm`, `y_mm`, `z_mm` | centre of the transducer's face |
-//! | `qw`, `qx`, `qy`, `qz` | unit quaternion that turns probe axes into the scene's |
+//! | `qw`, `qx`, `qy`, `qz` | unit quaternion that rotates the probe's axes to the scene's |
 //! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are ignored |
 //! | `event` | optional: name of an event at that time |
 //!
-//! [`table`](insonify_core::pose::table) says how lines, names and units are read. Here the name of each length and time needs a
-//! unit; `x_m` and `time_ms` are read as well. A row has no pose if all numbers of it are empty, NaN or zero: trackers
-//! write that while they don't see their tool.
+//! [`table`](insonify_core::pose::table) defines how lines, names and units are read. Here, names of lengths and times
+//! need a unit; `x_m` and `time_ms` are read as well. A row has no pose if all its numbers are empty, NaN or zero:
+//! trackers write such rows while their tool is out of view.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -26,7 +26,7 @@ const KNOWN: &str =
 /// Reads the rows of a table; errors name it `path`.
 ///
 /// # Errors
-/// A missing, unknown, ambiguous or repeated column, or one without its unit; a row with the wrong number of fields; a
+/// A column that is missing, unknown, ambiguous, repeated or without a unit; a row with the wrong number of fields; a
 /// field that is not a number; numbers that are not a pose.
 pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
     let mut lines = Lines::new(source, path);
@@ -53,7 +53,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
 struct Columns {
     layout: Layout,
     position: Position,
-    /// Index, name and seconds per unit of the time.
+    /// Column of the time: index, name, and seconds per unit.
     time: (usize, String, f64),
 }
 

@@ -22,7 +22,7 @@ pub(crate) const IMAGES_MAX: u32 = 1_000_000;
 /// Largest image, bytes.
 pub(crate) const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
-/// Longest header, bytes: 500,000 images of 500 bytes. All its fields are kept in memory.
+/// Longest header, bytes: for example 500,000 images of 500 bytes each. All its fields are kept in memory.
 const HEAD_BYTES_MAX: u64 = 256 << 20;
 
 const FRAME_PREFIX: &str = "Seq_Frame";
@@ -100,7 +100,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
                 position.error(path, format!("{} is there twice, first in line {}", quote(key), earlier.position.line))
             );
         }
-        // This key is the last line of a header, by the format.
+        // By the format, this key is in the last line of the header.
         if key == "ElementDataFile" {
             break;
         }
@@ -108,7 +108,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
     Keys { path, fields: &fields }.head(images)
 }
 
-/// Parser of the fields of a whole sequence.
+/// The header's fields, with errors that name the file.
 struct Keys<'a> {
     path: &'a Path,
     fields: &'a Fields,

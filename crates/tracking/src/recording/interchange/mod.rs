@@ -22,7 +22,7 @@ pub use tracking::{tracked, transforms_of};
 /// Longest time from the first to the last pose, s: thirty years.
 const SPAN_LIMIT_S: f64 = 1e9;
 
-/// Smallest first time that counts as s since 1970. Smaller times have an arbitrary origin.
+/// Smallest first time that counts as Unix time, s. A sequence that starts earlier has an arbitrary origin.
 const UNIX_FROM_S: f64 = 1e8;
 
 /// Errors in imported sequences.
@@ -90,11 +90,11 @@ pub struct TrackedRow {
     pub position: LinePosition,
 }
 
-/// Reads the rows of a PLUS sequence (.mha, .mhd) or of a table (.csv, .tsv). `transform` names the transform of a
-/// sequence that gives the poses.
+/// Reads the rows of a PLUS sequence (.mha, .mhd) or of a table (.csv, .tsv). `transform` is the name of the transform
+/// that gives the poses of a sequence.
 ///
 /// # Errors
-/// A file of another kind, or one that can't be read.
+/// A file of another kind, or an unreadable file.
 pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
@@ -136,8 +136,8 @@ pub struct Imported {
 /// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
 ///
 /// `source` is stored as the recording's device, in a form that excludes the poses from any station's calibration. The
-/// host time of the first row is its own time if that counts from 1970, else 0. Counters are row numbers, so rows
-/// without a pose count as missing records.
+/// host time of the first row is its Unix time, or 0 if times have an arbitrary origin. Counters are row numbers, so
+/// rows without a pose count as missing records.
 ///
 /// # Errors
 /// No row has a pose, times decrease or span more than thirty years, or the recording cannot be written.

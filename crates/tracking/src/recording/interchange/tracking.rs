@@ -1,4 +1,4 @@
-//! Transforms of a sequence.
+//! Poses from the transforms of a sequence.
 
 use std::collections::BTreeSet;
 use std::path::Path;
