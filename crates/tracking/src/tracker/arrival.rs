@@ -11,7 +11,7 @@ pub(crate) struct StampedBuffer {
     pub(crate) bytes: BytesMut,
     /// Number of bytes received so far.
     total: u64,
-    /// End offset of each piece in the stream, and its arrival time, ns. Consumed pieces are removed.
+    /// Stream offset of each piece's end, and the piece's arrival time, ns. Consumed pieces are removed.
     pieces: VecDeque<(u64, u64)>,
 }
 

@@ -9,8 +9,8 @@
 //! | 15..18 | reserved |
 //! | 18 | u8 sum of bytes 2 to 17 |
 //!
-//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some firmware swaps pitch and roll: see [`AngleOrder`]. The
-//! 8-bit index is extended to 32 bits. The sum protects weakly: of the frames that lost bytes, one in 256 passes it.
+//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some firmware swaps pitch and roll: see [`AngleOrder`]. The 8-bit
+//! index is extended to 32 bits. The sum is a weak check: one in 256 frames with lost bytes passes it.
 
 use bytes::BytesMut;
 use glam::{DQuat, EulerRot};
@@ -131,7 +131,7 @@ impl StreamDecoder for Decoder {
                 Ok(Some(record))
             }
             Err(reason) => {
-                // A frame that lost a byte contains the start of the next one.
+                // A frame that lost a byte contains the start of the next frame.
                 let length = next_head(frame, may_start);
                 Err(self.offset.reject(buffer, length, reason))
             }

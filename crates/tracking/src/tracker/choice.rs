@@ -103,8 +103,8 @@ impl Choice {
 }
 
 impl Settings {
-    /// Checks that the probe is chosen by name if the protocol's tools have names, and else by number. A recording has
-    /// all sensors in the order in which they were received, so such a choice selects the same sensor in every replay.
+    /// Checks that the probe is chosen by name if the protocol's tools have names, else by number. The choice
+    /// is free for a recording: its sensors always arrive in the same order, so a number identifies a tool as well.
     ///
     /// # Errors
     /// A tool's name for numbered sensors, or a number for named tools.

@@ -14,7 +14,7 @@ pub struct Damage {
     pub damaged: u64,
     /// Number of errors reported by the device, and of requests that it did not answer.
     pub reported: u64,
-    /// Number of records in the same time, of all sensors.
+    /// Number of records of all sensors in the same time.
     pub records: u64,
     /// Time since the last report.
     pub time: Duration,

@@ -14,7 +14,7 @@ pub struct DeviceOptions {
     pub sensor: Option<u16>,
     /// Name of the probe's tool (OpenIGTLink), if chosen. It takes precedence over `sensor`.
     pub tool: Option<String>,
-    /// Axis [x, y, z] of the magnetic source that points into the half space in which the sensor is used (Polhemus).
+    /// Direction [x, y, z] from the magnetic source to the half space in which the sensor is used (Polhemus).
     pub hemisphere: [f64; 3],
     /// Start-up time of a device after a reset.
     pub reset_delay: Duration,

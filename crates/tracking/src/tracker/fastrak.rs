@@ -1,6 +1,6 @@
 //! Polhemus FASTRAK: ASCII and binary records (FASTRAK user manual, rev. G).
 //!
-//! Both begin with `'0'`, the station `'1'..='4'` and an error character (a space if there is no error).
+//! Records of both formats begin with `'0'`, the station `'1'..='4'` and an error character (a space for no error).
 //!
 //! | format | output list | bytes | content |
 //! |---|---|---|---|
@@ -110,7 +110,7 @@ impl Decoder {
                 Ok(Some(record))
             }
             Err(reason) => {
-                // A device that reports an error sends a complete record.
+                // If the device reports an error, the record is complete nevertheless.
                 let whole = matches!(reason, Reason::Device { .. });
                 let length = if whole { BINARY_LENGTH } else { next_head(frame, plausible) };
                 Err(self.offset.reject(buffer, length, reason))
@@ -120,7 +120,7 @@ impl Decoder {
 
     fn line(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let window = &buffer[..buffer.len().min(ASCII_LENGTH)];
-        // Without a line feed, the bytes still count as one record. The next record starts after them.
+        // Without a line feed, the bytes still count as one record, and the next record starts after them.
         let length = match window.iter().position(|&b| b == b'\n') {
             Some(at) => at + 1,
             None if window.len() == ASCII_LENGTH => ASCII_LENGTH,

@@ -20,7 +20,7 @@ pub enum Irregularity {
     Interleaved {
         /// Number of backward steps.
         times: u32,
-        /// Duration, s.
+        /// Time in which these steps occurred, s.
         seconds: f64,
     },
     /// The device's clock stands still while its counter rises.

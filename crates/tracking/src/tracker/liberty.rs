@@ -105,7 +105,7 @@ pub enum Reason {
         station: u16,
         /// Command that requested the frame.
         command: char,
-        /// Error code, as a character if it is one.
+        /// Error code, shown as a character where possible.
         code: String,
         /// Meaning of the code.
         meaning: &'static str,
@@ -115,7 +115,7 @@ pub enum Reason {
     Length {
         /// Length of the payload in the head, bytes.
         found: usize,
-        /// Length of the payload by the output list, bytes.
+        /// Length of the payload according to the output list, bytes.
         expected: usize,
     },
     /// Numbers that are not a pose.
@@ -187,7 +187,7 @@ impl StreamDecoder for Decoder {
             let streamed = matches!(head[3], b'C' | b'P');
             let is_ok = matches!(head[4], 0 | b' ');
             if !streamed || payload != self.payload {
-                // The length in an answer isn't trusted: a damaged length would skip intact frames.
+                // The length in an answer isn't trusted: if it is damaged, it would skip intact frames.
                 let (length, reason) = match (is_ok, streamed) {
                     (false, _) => (HEAD, report(head)),
                     (true, true) => {

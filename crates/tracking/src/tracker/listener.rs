@@ -9,7 +9,7 @@ pub trait Listener: Send {
     /// Receives each piece of the stream before decoding, with the arrival of its first byte, ns since 1970 (UTC).
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]);
 
-    /// Receives a record of any sensor, including sensors that are left out, with the arrival of its first byte.
+    /// Receives a record of any sensor, used or left out, with the arrival of its first byte, ns since 1970 (UTC).
     fn heard(&mut self, _host_time_ns: u64, _sensor: &SensorName, _record: &Record) {}
 
     /// Receives a record of the probe, with the arrival of its first byte, ns since 1970 (UTC).

@@ -1,16 +1,16 @@
 //! Trackers: from received bytes to pose records.
 //!
 //! Decoders are sans-IO: they take bytes from a buffer filled by a serial port, a socket or a recording, and return
-//! records. A [recording](crate::recording) holds the raw bytes and the name of their [`Protocol`], so a replay runs the decoder of a live
-//! session. A [driver](driver::Driver) implements the exchange with the device, also sans-IO. A session ([`spawn`])
-//! connects a transport, a driver and a [`Listener`] on its own thread, and survives all hardware faults.
+//! records. A [recording](crate::recording) holds the raw bytes and the name of their [`Protocol`], so a replay runs
+//! the decoder of a live session. A [driver](driver::Driver) exchanges messages with the device, also sans-IO. A
+//! session ([`spawn`]) runs transport, driver and [`Listener`] on its own thread, and survives all hardware faults.
 //!
 //! # Adding a protocol
-//! 1. Write `crates/tracking/src/tracker/NAME.rs` with a [`StreamDecoder`]. Its `Reason` names the fault and the correct form.
+//! 1. Write `crates/tracking/src/tracker/NAME.rs` with a [`StreamDecoder`]. Its `Reason` tells fault and correct form.
 //! 2. Add a variant to [`Protocol`], its table of names and [`Fault`]; the compiler then lists each `match` to extend.
 //! 3. Return its driver from [`Protocol::driver`]: [`Passive`] if the device streams without commands.
-//! 4. Give it the property tests of `tests/tracking/protocols/streams.rs`: round trip or known frames; any split of the stream gives the
-//!    same records; arbitrary bytes never panic and always make progress.
+//! 4. Give it the property tests of `tests/tracking/protocols/streams.rs`: round trip or known frames; equal records
+//!    for any split of the stream; arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;
 

@@ -48,7 +48,7 @@ pub struct TrackerReport {
     pub jitter_ms: Option<f64>,
     /// Longest interval between two records, ms; `None` without an interval.
     pub longest_ms: Option<f64>,
-    /// Total number of records missing by the device's counter.
+    /// Total number of missing records, according to the device's counter.
     pub missing: u64,
     /// Total number of records whose counter did not rise.
     pub reversals: u64,
@@ -65,7 +65,7 @@ pub struct TrackerReport {
 }
 
 impl TrackerReport {
-    /// At most `most` of the events since the last report, and the number of the remaining ones if there are any.
+    /// At most `most` of the events since the last report, then the number of further events, if any.
     pub fn news(&self, most: usize) -> impl Iterator<Item = String> + '_ {
         let more = self.events_dropped + self.events.len().saturating_sub(most) as u64;
         let more = (more > 0).then(|| format!("and {more} more"));
@@ -92,7 +92,7 @@ pub struct SensorReport {
     pub is_probe: bool,
 }
 
-/// Collector of the statistics of one session. Clones share them.
+/// Collector of the statistics of one session. Its clones share the statistics.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor(Arc<Mutex<Figures>>);
 
@@ -108,7 +108,7 @@ struct Figures {
     sensors: Vec<SensorFigures>,
 }
 
-/// Numbers of records and of the intervals between them.
+/// Number of records, and number and sum of the intervals between them.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count {
     records: u64,
@@ -248,7 +248,7 @@ impl Listener for Monitor {
             TrackerEvent::Disconnected { .. } => report.state = SessionState::Disconnected,
             TrackerEvent::Silent { .. } => report.state = SessionState::Silent,
             TrackerEvent::Ended => report.state = SessionState::Ended,
-            // Counted and reported by `Damaged`, not one by one.
+            // Decode errors are counted and reported by `Damaged`, not one by one.
             TrackerEvent::DecodeError(_) => {
                 report.decode_errors += 1;
                 return;

@@ -19,12 +19,12 @@ pub trait Playback: Send {
     /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, at least one. `None` at the end.
     ///
     /// # Errors
-    /// It can't be read.
+    /// The recording can't be read.
     fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError>;
 
     /// Goes back to the first message.
     ///
     /// # Errors
-    /// It can't be read again.
+    /// The recording can't be read again.
     fn rewind(&mut self) -> Result<(), PlaybackError>;
 }

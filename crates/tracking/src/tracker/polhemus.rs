@@ -108,7 +108,7 @@ impl Driver for PolhemusDriver {
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let record = self.decoder.decode(buffer)?;
-        // Records before that may belong to a previous stream.
+        // Records received before the last command may belong to a previous stream.
         self.streaming |= record.is_some() && self.script.is_empty();
         Ok(record)
     }

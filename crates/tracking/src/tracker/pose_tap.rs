@@ -70,7 +70,7 @@ impl Listener for PoseTap {
             return;
         }
         match record.reading {
-            // Receivers need uninterrupted sequences of poses, so poses beyond the queue's capacity may be dropped.
+            // If the queue is full, new poses are dropped, so the queued poses are a sequence without gaps.
             Reading::Pose(pose) => drop(self.sender.try_send(pose)),
             _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
         }
@@ -82,7 +82,7 @@ impl Listener for PoseTap {
 }
 
 impl PoseStream {
-    /// Iterator over poses measured from now on. It ends when none arrives for `silence`, or with the session.
+    /// Iterator over poses measured from now on. It ends when no pose arrives for `silence`, or with the session.
     pub fn poses(&self, silence: Duration) -> Poses<'_> {
         while self.receiver.try_recv().is_ok() {}
         self.shared.without_pose.store(0, Ordering::Relaxed);

@@ -74,8 +74,8 @@ impl Selection {
         &self.heard
     }
 
-    /// The sensor that is the probe; `None` before its first record, and while several sensors have been received and
-    /// none was chosen.
+    /// The sensor that is the probe. `None` before its first record, or if several sensors have been received and none
+    /// was chosen.
     pub(crate) fn used(&self) -> Option<&SensorName> {
         self.heard.get(self.used?)
     }

@@ -30,7 +30,7 @@ impl SensorName {
         all.join(", ")
     }
 
-    /// Key of `[tracker]` that chooses this sensor, with its value.
+    /// Key of `[tracker]` that chooses this sensor, and its value.
     pub(crate) fn key(&self) -> String {
         match &self.name {
             Some(name) => format!("tool = \"{}\"", name.escape_debug()),
@@ -60,14 +60,14 @@ impl fmt::Display for ProbeSensor {
     }
 }
 
-/// Whether the user's `tool` means the received `name`.
+/// Whether `tool`, the user's choice, is the received tool `name`, which senders may truncate.
 pub(super) fn is_tool(tool: &str, name: &str) -> bool {
     tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
 }
 
-/// Name among `heard` that `wanted` likely means: the only one equal to it except for case, punctuation and `2` for
-/// `to`. Else it is the only one that contains `wanted` or is a part of it, else the only name. `None` if `wanted`
-/// itself was received.
+/// Name among `heard` that was likely intended by `wanted`: the only name that is equal except for case, punctuation
+/// and `2` for `to`; else the only name that contains `wanted` or is a part of it; else the only name. `None` if
+/// `wanted` itself was received.
 pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
     let ProbeSensor::Tool(tool) = wanted else { return None };
     let plain = |name: &str| -> String {

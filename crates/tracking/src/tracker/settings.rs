@@ -134,7 +134,7 @@ insonify_core::names::named!(TransportKind {
 });
 
 impl Protocol {
-    /// Transports from a device that can carry this protocol. A recording holds any protocol.
+    /// Device transports that can carry this protocol. A recording can contain any protocol.
     pub fn transports(self) -> &'static [TransportKind] {
         use TransportKind::{Hid, Mock, Serial, Tcp, Udp};
         match self {

@@ -117,7 +117,7 @@ pub(super) struct BringUp {
     enabled: usize,
     /// Whether the line has the requested speed.
     pub(super) speed_is_set: bool,
-    /// Whether the tool descriptions are written: once per reset of the device.
+    /// Whether all tool descriptions were written since the last reset of the device.
     written: bool,
     initialised: bool,
     /// Whether tracking of an earlier session was stopped.
@@ -210,7 +210,7 @@ impl BringUp {
             (Step::ListStale | Step::Free(_), None) if self.written => Step::ListUninitialised,
             (Step::ListStale | Step::Free(_), None) => self.request(0, options),
             (Step::ListUninitialised | Step::Initialise(_), Some(handle)) => Step::Initialise(handle),
-            // A tool with several parts lists its second handle only after this.
+            // A tool with several parts lists its second handle only after the first one is initialised.
             (Step::Initialise(_), None) => Step::ListUninitialised,
             (Step::ListUninitialised, None) => Step::ListDisabled,
             (Step::ListDisabled | Step::Enable(_), Some(handle)) => Step::Enable(handle),

@@ -41,7 +41,7 @@ pub(super) struct Framer {
     pending: VecDeque<(usize, Result<Item, Reason>)>,
     /// Stream offset of the last error, if no reply was found since. The error covers 64 bytes from this offset on.
     lost: Option<u64>,
-    /// Number of bytes left in the buffer.
+    /// Number of bytes that remained in the buffer after the last call.
     left: usize,
     /// Number of bytes at the front of the buffer to be discarded.
     given_up: usize,
@@ -165,7 +165,7 @@ fn is_text(byte: u8) -> bool {
     byte == b'\n' || (b' '..=b'~').contains(&byte)
 }
 
-/// Inspects the front of `buffer`; the result doesn't depend on surplus bytes.
+/// Inspects the front of `buffer`. Bytes after the first reply do not affect the result.
 fn front(buffer: &[u8]) -> Front {
     match buffer.first() {
         None => Front::Part,
@@ -191,7 +191,7 @@ fn binary_front(buffer: &[u8]) -> Front {
     let end = BINARY_HEAD + usize::from(length);
     let Some(found) = u16_at(buffer, end) else { return Front::Part };
     let computed = crc16(&buffer[BINARY_HEAD..end]);
-    // A reply that lost bytes contains the start of the next one.
+    // A reply that lost bytes contains the start of the next reply.
     if found == computed {
         Front::Binary(end + 2)
     } else {

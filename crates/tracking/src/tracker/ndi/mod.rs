@@ -2,8 +2,8 @@
 //!
 //! The host sends commands, and the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal
 //! digits and a carriage return. An answer is text with the same ending; the answer to `BX` is a binary frame with two
-//! checksums. Both kinds of tracking replies, `TX` (text) and `BX`, are decoded with reply options `0001` and `0800`:
-//! transforms, including those outside the measurement volume.
+//! checksums. Both kinds of tracking replies, `TX` (text) and `BX`, are decoded with the reply options `0001` and
+//! `0800`: transforms, including transforms outside the measurement volume.
 //!
 //! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its `buttons` the
 //! tool's switches. A tool that is reported missing gives

@@ -92,8 +92,8 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Passes each port in the data of a `BX` reply to `found`, with the offset of the byte after it. Returns the system
-/// status.
+/// Passes each port in the data of a `BX` reply to `found`, with the offset of the byte after the port. Returns the
+/// system status.
 pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;
     const MISSING: u8 = 2;
@@ -130,8 +130,8 @@ pub(super) fn is_text_reply(text: &[u8]) -> bool {
     text.contains(&b'\n') || (text.len() == 6 && text.starts_with(b"00"))
 }
 
-/// Passes each port in a `TX` reply, given without its checksum, to `found`, with the offset of the byte after it. Returns
-/// the system status.
+/// Passes each port in a `TX` reply, given without its checksum, to `found`, with the offset of the byte after the
+/// port. Returns the system status.
 pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     let mut cursor = Cursor { bytes: text, at: 0 };
     let count = cursor.hex(2)?;

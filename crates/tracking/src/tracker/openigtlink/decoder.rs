@@ -95,9 +95,9 @@ enum Front {
     Part,
     Skip(u64, Field<12>),
     Message(Message),
-    /// A damaged message: bytes up to the next possible one, and the fault.
+    /// A damaged message: number of bytes up to the next possible message, and the fault.
     Damaged(usize, Reason),
-    /// Bytes that are not a message: the first one, and their number up to the next possible message.
+    /// Bytes that are not a message: the first byte, and the number of bytes up to the next possible message.
     Noise(u8, usize),
 }
 
@@ -259,7 +259,7 @@ impl Decoder {
     }
 }
 
-/// Inspects the front of `buffer`; the result doesn't depend on surplus bytes.
+/// Inspects the front of `buffer`. Bytes after a valid message do not affect the result.
 fn front(buffer: &[u8]) -> Front {
     if !may_be_head(buffer) {
         return buffer.first().map_or(Front::Part, |&byte| Front::Noise(byte, next_head(buffer, may_be_head)));
@@ -289,13 +289,13 @@ fn front(buffer: &[u8]) -> Front {
     if let Err(reason) = kind.check(content_size) {
         return wrong(reason);
     }
-    // The limits keep the sum in range.
+    // The sum cannot overflow, because all sizes were checked against their limits.
     let length = HEAD + head.body_size as usize;
     let Some(body) = buffer.get(HEAD..length) else { return Front::Part };
     let computed = crc64(body);
-    // 0 means that the sender computes none.
+    // A CRC of 0 means that the sender computes none.
     if computed != head.crc && head.crc != 0 {
-        // A message that lost bytes contains the start of the next one.
+        // A message that lost bytes contains the start of the next message.
         let next = next_head(&buffer[..length], |bytes| bytes.len() > 2 && may_be_head(bytes));
         return Front::Damaged(next, Reason::Checksum { found: head.crc, computed });
     }

@@ -33,7 +33,7 @@ pub(super) struct Metadata<'a> {
 }
 
 impl<'a> Metadata<'a> {
-    /// Metadata from its header and its text.
+    /// Metadata with the entries' lengths in `header` and their keys and values in `text`.
     ///
     /// # Errors
     /// The lengths of the entries do not add up.

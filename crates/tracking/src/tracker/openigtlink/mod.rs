@@ -11,9 +11,9 @@
 //! | `TDATA` | for each tool: char\[20\] name, u8 type, u8 0, 12 f32 as in a `TRANSFORM`; tools out of view are omitted |
 //!
 //! A record's `sensor` is the number of its device or tool: 0 for the first name received, 1 for the next; the decoder
-//! knows their names. Its device time is the message's time stamp, if it has one. A transform whose metadata say that it
-//! is invalid gives [`Reading::OutOfView`](insonify_core::pose::Reading::OutOfView). A CRC of 0 means that the sender computes
-//! none, as PLUS and 3D Slicer do by default.
+//! knows their names. Its device time is the message's time stamp, if present. A transform that is invalid according to
+//! its metadata gives [`Reading::OutOfView`](insonify_core::pose::Reading::OutOfView). A CRC of 0 means that the sender
+//! computes none, as PLUS and 3D Slicer do by default.
 //!
 //! Source: protocol documents of OpenIGTLink v1 to v3.
 

@@ -11,7 +11,7 @@ use crate::tracker::{Protocol, ascii_line, framing};
 /// bytes, so that old bytes are forgotten in whole datagrams.
 const SAMPLE_LIMIT: usize = 96 * 48;
 
-/// Number of records of another protocol in the sample that prove that protocol.
+/// Smallest number of decoded records that proves another protocol.
 const PROOF: usize = 3;
 
 /// Share of damaged pieces from which a remedy is named, if the stream also has records.
@@ -139,7 +139,7 @@ impl Advisor {
         let others =
             Protocol::ALL.into_iter().filter(|other| *other != self.protocol && self.transport.carries(*other));
         let counted = others.map(|other| (records(other), other)).filter(|(records, _)| *records >= PROOF);
-        // If two protocols fit equally, the first one listed is the usual one.
+        // If two protocols fit equally, the first one in `Protocol::ALL` is chosen: it is more common.
         counted.rev().max_by_key(|(records, _)| *records).map(|(_, other)| other)
     }
 
@@ -320,7 +320,7 @@ mod tests {
         let advisor_of_igt = advisor(Protocol::OpenIgtLink, tcp, b"");
         let said = advisor_of_igt.of_silence(900, 0, Some("IMAGE, STATUS".into())).unwrap();
         assert!(said.contains("only messages without a pose arrive (IMAGE, STATUS)"), "{said}");
-        // Transforms arrive, too, with wrong check sums.
+        // Transforms arrive, too, but with wrong checksums.
         let said = advisor_of_igt.of_silence(900, 7, Some("STATUS".into())).unwrap();
         assert!(!said.contains("only messages") && said.contains("7 pieces are damaged"), "{said}");
         let said = advisor(Protocol::Liberty, serial(), b"").of_silence(0, 0, None).unwrap();

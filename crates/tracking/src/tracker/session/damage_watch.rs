@@ -17,7 +17,7 @@ pub(super) struct DamageWatch {
     reported: u64,
     records: u64,
     example: Option<DecodeError>,
-    /// Time from which the counts apply.
+    /// Start of the counts.
     since: Duration,
     /// Time of the next report, if there is something to report.
     due: Option<Duration>,

@@ -196,7 +196,7 @@ impl Intake {
         }
     }
 
-    /// Likely cause of silence, if the port has given no record since it was opened; `None` if it has.
+    /// Likely cause of silence; `None` if a record has arrived since the port was opened.
     pub(super) fn cause_of_silence(&self, skipped: Option<String>) -> Option<String> {
         let (bytes, records) = self.connection;
         if records == 0 { self.advisor.of_silence(bytes, self.summary.decode_errors, skipped) } else { None }

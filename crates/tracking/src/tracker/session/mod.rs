@@ -172,7 +172,7 @@ impl Session {
             Some(ProbeSensor::Tool(tool)) if !protocol.has_names() => {
                 return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
             }
-            // A recording has all sensors in the order in which they were received.
+            // The sensors of a recording always arrive in the same order, so a number identifies a named tool.
             Some(ProbeSensor::Number(number)) if protocol.has_names() && !is_recorded => {
                 return Err(TrackerError::NoNumbers { number: *number, protocol: protocol.name() });
             }
@@ -284,7 +284,7 @@ impl Session {
     async fn listen(&mut self) -> io::Result<ConnectionEnd> {
         let mut piece = BytesMut::new();
         loop {
-            // Playback without pauses never reaches a poll of the token.
+            // Playback without pauses never waits, so it would not notice the cancellation.
             if self.cancel.is_cancelled() {
                 return Ok(ConnectionEnd::Cancelled);
             }
@@ -314,7 +314,7 @@ impl Session {
             }
             let now = self.now();
             self.intake.tell(now, self.host_now(), false);
-            // Queried again: a record that has just arrived has moved the deadline.
+            // The deadline is queried again, because a record that has just arrived moves it.
             if now >= self.silent_at() {
                 let for_ = self.silence.silent(now);
                 self.intake.summary.silences += 1;

@@ -7,7 +7,7 @@ use insonify_core::pose::{FilterSettings, Measurement, Pose, Reading};
 
 use crate::tracker::{Irregularity, Record};
 
-/// Span of records that are judged together, ns.
+/// Time span of the records that are judged together, ns.
 const WINDOW_NS: u64 = 2_000_000_000;
 
 /// Shortest time between two reports of one kind, ns.
@@ -16,7 +16,7 @@ const REPORT_PERIOD_NS: u64 = 5_000_000_000;
 /// Smallest number of records that is judged.
 const LEAST_RECORDS: u32 = 20;
 
-/// Smallest number of restarts of the counter within one window that is reported as interleaved devices.
+/// Smallest number of counter restarts in one window that is reported as interleaved devices.
 const SEVERAL: u32 = 3;
 
 /// Share of records out of order, or of positions out of reach, from which the stream does not come from one device.
@@ -132,7 +132,7 @@ impl Regularity {
             StreamPosition::Restarted { .. } => {
                 window.restarts += 1;
                 let back_s = device.map(|(_, before, now)| before.saturating_sub(now) as f64 * 1e-6);
-                // A single one may be a restart; several are judged together.
+                // A single backward step may be a restart; several steps are judged together.
                 return (window.restarts == 1)
                     .then_some(Irregularity::Restarted { back_s: back_s.filter(|s| *s > 0.0) });
             }
@@ -161,7 +161,7 @@ impl Window {
         if self.records < LEAST_RECORDS {
             return None;
         }
-        // The first record of a window may be the first record at all.
+        // The very first record has no predecessor whose counter it could repeat.
         if self.same_counter + 1 >= self.records {
             return Some(Irregularity::CounterStands);
         }

@@ -59,8 +59,8 @@ impl SilenceWatch {
             return Duration::MAX;
         }
         let limit = limit.saturating_mul(self.attempt.saturating_add(1).min(FACTOR_MAX));
-        // After a long set-up, the device still gets the full, shorter limit for its first record. That happens only
-        // once per start: a device that is set up repeatedly and never answers counts as silent.
+        // When the long limit of a set-up ends, the device gets the whole shorter limit for its first record. That
+        // happens only once per start: a device that is set up repeatedly and never answers counts as silent.
         if limit < self.last_limit && !self.had_grace {
             self.from = now;
             self.had_grace = true;

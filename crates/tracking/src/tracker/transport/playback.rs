@@ -15,7 +15,7 @@ pub(in crate::tracker) struct PlaybackPort {
     source: Box<dyn Playback>,
     speed: Speed,
     repeat: bool,
-    /// Current time and recorded time, ns, at the start of this pass; `None` before its first message.
+    /// Clock time and recorded time (ns) at the start of this pass; `None` before its first message.
     began: Option<(Instant, u64)>,
     /// Recorded time, ns, and bytes of the next message, if it was read already.
     next: Option<(u64, Vec<u8>)>,

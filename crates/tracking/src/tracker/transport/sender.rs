@@ -1,13 +1,13 @@
-//! The sender of a datagram port: datagrams of others are left out.
+//! Selection of one sender at a datagram port; datagrams of other senders are left out.
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// Silence of the current sender after which another one replaces it.
+/// Silence of the current sender after which another sender replaces it.
 const TAKEOVER: Duration = Duration::from_secs(2);
 
-/// Number of other ports of the current sender's address, seen since its last datagram, from which on ports are
-/// ignored. Such a sender uses a new port for each datagram.
+/// Number of further ports at the current sender's address, seen since its last datagram, that shows a sender with a
+/// new port for each datagram. Its ports are then ignored.
 const CHANGING_PORTS: usize = 3;
 
 /// Verdict on a datagram.

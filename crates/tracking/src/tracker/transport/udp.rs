@@ -14,7 +14,7 @@ use super::{Received, not_open};
 pub(in crate::tracker) struct UdpPort {
     address: SocketAddr,
     socket: Option<UdpSocket>,
-    /// Opening of the socket: time 0 of `senders`. `None` before it.
+    /// Time at which the socket was opened, which is time 0 of `senders`; `None` before.
     opened: Option<Instant>,
     senders: SenderLock,
 }

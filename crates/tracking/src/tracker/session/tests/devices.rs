@@ -68,7 +68,7 @@ const POLHEMUS: [(Kind, Protocol); 3] = [
 async fn a_polhemus_device_is_set_up_and_streams_millimetres() {
     for (kind, protocol) in POLHEMUS {
         let device = Device::new(Mutex::new(Polhemus::new(kind)));
-        // An earlier program left it streaming in another format.
+        // An earlier program left the device streaming in another format.
         device.lock().unwrap().state.streaming = true;
         let (session, calls, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(3)).await;
@@ -105,7 +105,7 @@ async fn a_hung_device_is_restarted_with_growing_force_until_its_reset() {
 async fn commands_during_a_reset_are_lost() {
     let device = Device::new(Mutex::new(Polhemus::new(Kind::Liberty)));
     device.lock().unwrap().hung = true;
-    // Less than the 15 s of a reset.
+    // The driver expects a reset to take 5 s, but it takes 15 s.
     let (session, calls, cancel) = piped(&device, Protocol::Liberty, Duration::from_secs(5));
     run_for(session, cancel, Duration::from_secs(20)).await;
     assert!(device.lock().unwrap().lost > 0 && calls.lock().unwrap().records.is_empty());
@@ -190,6 +190,6 @@ async fn a_device_that_is_set_up_and_never_answers_is_silent() {
         std::future::pending::<()>().await;
     });
     run_for(session, cancel, Duration::from_millis(21_200)).await;
-    // First request at 3 s. Silent at the next request at 8 s, and with twice the limit 13 s later.
+    // First request at 3 s. The device counts as silent at the request at 8 s, then, after twice the limit, at 21 s.
     assert_eq!(names(&calls.lock().unwrap()), ["connected", "silent", "silent", "disconnected"]);
 }

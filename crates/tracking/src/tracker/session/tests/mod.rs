@@ -129,7 +129,7 @@ async fn an_unplugged_mock_is_reopened_until_it_returns() {
     let (session, calls, cancel) = session(&mock("move 1, unplug 3, corrupt 1"));
     let summary = run_for(session, cancel, Duration::from_millis(4900)).await;
     let calls = calls.lock().unwrap();
-    // It disappears at 1 s; reopening is tried at 1.25, 1.75, 2.75 and 4.75 s.
+    // The port disappears at 1 s; reopening is tried at 1.25, 1.75, 2.75 and 4.75 s.
     assert_eq!(names(&calls)[..5], ["connected", "disconnected", "disconnected", "disconnected", "disconnected"]);
     assert_eq!(names(&calls)[5], "connected");
     let TrackerEvent::Disconnected { reason, retry } = &calls.events[4].1 else { panic!() };

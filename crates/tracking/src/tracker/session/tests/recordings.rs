@@ -60,7 +60,7 @@ async fn a_recording_plays_at_a_factor_and_repeats() {
     let calls = calls.lock().unwrap();
     assert_eq!(calls.records.len(), 150);
     let times: Vec<_> = calls.records.iter().map(|(time, _)| time - calls.records[0].0).collect();
-    // Within a millisecond, the resolution of the timer.
+    // The timer rounds both times of each difference to 1 ms.
     for (i, time) in times[..100].iter().enumerate() {
         assert!(time.abs_diff(i as u64 * 5_000_000) <= 2_000_000, "record {i} at {time} ns");
     }
