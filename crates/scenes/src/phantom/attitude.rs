@@ -133,8 +133,8 @@ impl Attitude {
             let side = if i == 0 { 1.0 } else { -1.0 };
             let jitter = |v: Vec3, k: u64| {
                 let turn = |axis: u64| LIMB_VARIATION_RAD * variation * vary(seed, 100 * what + 10 * k + axis);
-                // Directions of `spread`: elbows outward, forearms apart and away from the face; thighs down from the
-                // elbows, shanks outward.
+                // `spread` moves the elbows outward, the forearms apart and away from the face, the thighs away from
+                // the elbows, and the shanks outward.
                 let apart = match (level < 15.0, k) {
                     (true, 0) => Quat::from_rotation_y(0.7 * side * spread),
                     (true, _) => Quat::from_rotation_x(0.3 * spread) * Quat::from_rotation_y(side * spread),

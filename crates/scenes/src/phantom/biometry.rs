@@ -211,7 +211,7 @@ mod tests {
             "{b:?}"
         );
         assert!(near(b.head_circumference_mm, 200.0), "{b:?}");
-        // The cephalic index is 78 ± 9 (two deviations; Hadlock et al., Am J Roentgenol 137:83, 1981).
+        // The cephalic index is 78 ± 9 (two standard deviations; Hadlock et al., Am J Roentgenol 137:83, 1981).
         for weeks in 16..=34 {
             let b = Biometry::at_weeks(f64::from(weeks));
             let index = (b.biparietal_mm + b.skull_thickness_mm) / b.occipitofrontal_mm;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::meshing::count_triangles;
 use super::organ::Organ;
 
-/// Largest accepted deviation of the total from the budget, relative to the budget.
+/// Largest accepted relative deviation of the number of triangles from the budget.
 const TOLERANCE: f64 = 0.005;
 
 /// Cell size of each of `organs`, mm, such that they have `budget` triangles in total, within half a percent. Calls

@@ -126,8 +126,8 @@ pub fn organs(parameters: &Parameters) -> Vec<Organ> {
     organs
 }
 
-/// Surfaces called `names` of the phantom of `parameters`, with cells of at most `cell_mm`; unknown names are ignored.
-/// Used for measurements: finer than the complete phantom, and fast.
+/// Surfaces called `names` of a phantom with `parameters`, with cells of at most `cell_mm`; unknown names are ignored.
+/// For measurements: the mesh is finer than the complete phantom's, and made faster.
 pub fn parts(parameters: &Parameters, names: &[&str], cell_mm: f32) -> Vec<PhantomSurface> {
     let wanted: Vec<_> = organs(parameters).into_iter().filter(|organ| names.contains(&organ.name)).collect();
     wanted.par_iter().map(|organ| organ.surface(cell_mm.min(organ.coarsest_mm))).collect()

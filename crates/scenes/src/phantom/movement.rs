@@ -8,18 +8,18 @@ use super::fetus;
 use super::parameters::Parameters;
 use super::vary::vary;
 
-/// Fetal heart rate and its variation, beats per minute: 110 to 160 is normal (ISUOG guidelines, Ultrasound Obstet
-/// Gynecol 41:348, 2013).
+/// Mean fetal heart rate and its largest deviation, beats per minute: 110 to 160 is normal (ISUOG guidelines,
+/// Ultrasound Obstet Gynecol 41:348, 2013).
 const HEART_PER_MIN: (f64, f64) = (145.0, 12.0);
 /// Shortening fraction of both ventricles: a third of the radius between diastole and systole (DeVore 1984).
 const SHORTENING: f32 = 0.32;
 /// Fetal breaths per minute during a bout (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 per minute).
 const FETAL_BREATHS_PER_MIN: f64 = 50.0;
-/// In fetal inspiration: change of the chest's radius, relative to the radius, and caudal movement of the diaphragm,
-/// mm. Each is 2 to 4 mm (Patrick 1980; the values here are for 22 weeks).
+/// Change of the chest's radius in fetal inspiration, relative to the radius: 2 to 4 mm at 22 weeks (Patrick 1980).
 const CHEST_WALL: f32 = -0.05;
+/// Caudal movement of the diaphragm in fetal inspiration at 22 weeks, mm: 2 to 4 (Patrick 1980).
 const DIAPHRAGM_MM: f32 = 2.5;
-/// Breathing rate of a resting mother, and the caudal displacement of the uterus by each breath, mm (assumed).
+/// Breathing rate of a resting mother, per minute, and caudal displacement of the uterus by a breath, mm (assumed).
 const MATERNAL_BREATHS_PER_MIN: f64 = 14.0;
 const UTERUS_MM: f32 = 2.0;
 /// Stretch of a knee or an elbow, degrees (assumed).

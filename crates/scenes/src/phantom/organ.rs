@@ -21,7 +21,7 @@ pub struct Organ {
     pub name: &'static str,
     /// Name of its tissue in `assets/tissues.toml`.
     pub tissue: &'static str,
-    /// Priority: where surfaces overlap, the highest is the medium.
+    /// Priority: where surfaces overlap, the surface of the highest priority determines the medium.
     pub priority: i32,
     /// Body whose triangle budget includes this surface.
     pub body: Body,

@@ -37,7 +37,7 @@ impl Obstacles {
         Self { cavity: mother::cavity(parameters), placenta, start: start(parameters) }
     }
 
-    /// Placement (`scene_from_fetus`) of the fetus, and the shortfall from the clearance to the wall that remains, mm.
+    /// Placement (`scene_from_fetus`) of the fetus, and its largest remaining shortfall from the wall clearance, mm.
     fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
         let balls = fetus::balls(attitude);
         let scale = attitude.biometry.trunk_scale();

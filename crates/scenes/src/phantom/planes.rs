@@ -1,6 +1,6 @@
 //! Standard planes of the obstetric phantom.
 //!
-//! The content of each plane follows the guidelines in its `source`. None of them gives a numeric tolerance, so
+//! The content of each plane follows the guidelines in its `source`. The guidelines give no numeric tolerances, so
 //! tolerances are assumed from the effect of an error on the measurement:
 //!
 //! - An ellipse cut at an angle θ grows by (1/cosθ − 1)/2, 0.8 % at 10°.
@@ -96,7 +96,7 @@ fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
 }
 
 /// View in the midsagittal plane of the fetus with the probe in the direction `to_probe`. A probe cannot reach the
-/// mother's back. A direction to it is replaced by the one in the plane that points most to her front.
+/// mother's back. A direction towards her back is replaced by the direction in the plane closest to her front.
 fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     /// Smallest z of the unit direction to the probe: on a flank, a beam points up by at most about 15° (assumed).
     const LOWEST_Z: f64 = -0.25;
@@ -109,7 +109,7 @@ fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -
     view("", centre_mm, across * across.dot(lateral).signum(), to_probe)
 }
 
-/// Landmarks from `(name, position, distance)`. The distance, mm, is the largest accepted one from the image plane:
+/// Landmarks from `(name, position, distance)`. `distance` is the largest accepted distance from the image plane, mm:
 /// half the landmark's size plus part of the slice thickness.
 fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
     let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {

@@ -45,7 +45,7 @@ fn brain(biometry: &Biometry) -> Solid {
     let insula = ellipsoid(v(semi.x - 2.5, -1.0, 5.0), v(4.6, 4.2, 7.5)).with_mirror_image();
     let fissure = rounded_box(v(0.0, semi.y - 1.0, 0.0), v(0.9, 6.0, 30.0), 0.9);
     let smooth = whole.smooth_subtract(union([insula, fissure]), 2.0);
-    // Sulci deepen from about 26 weeks on, when the head is 66 mm wide (assumed depth).
+    // Sulci deepen from about 25 weeks on, when the biparietal diameter is 62 mm (assumed depth).
     let depth = 1.1 * ((biometry.biparietal_mm - 62.0) / 24.0).clamp(0.0, 1.0);
     if depth == 0.0 {
         return smooth;

@@ -34,7 +34,7 @@ fn at(a: f32, b: f32, c: f32) -> Vec3 {
     apex * a + leftward * b + out * c
 }
 
-/// Ellipsoid centred at `(a, b)` in the four-chamber plane; its long axis is along the heart's.
+/// Ellipsoid centred at `(a, b)` in the four-chamber plane, its long axis parallel to the heart's.
 fn lobe(a: f32, b: f32, semi: Vec3) -> Solid {
     let (apex, leftward, _) = axes();
     // Local axes: y to the apex, z to the left heart.

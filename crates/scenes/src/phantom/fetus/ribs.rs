@@ -12,7 +12,7 @@ const UNDER_SKIN_MM: f32 = 4.6;
 const RIB_RADIUS_MM: f32 = 0.85;
 /// For each rib, the angle around the trunk at which it ends, measured from the back, degrees.
 const REACH_DEG: [f32; 12] = [115.0, 122.0, 128.0, 130.0, 130.0, 128.0, 124.0, 118.0, 110.0, 100.0, 76.0, 52.0];
-/// Descent of a rib from the back to the front midline, in vertebrae; most ribs end before.
+/// Descent of a rib from the back to the front midline, in vertebrae; most ribs end before the midline.
 const FALL_LEVELS: f32 = 2.4;
 
 /// Ribs and sternum.

@@ -10,7 +10,7 @@ pub(in crate::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
 /// Level of the umbilical cord's insertion in the belly.
 pub(in crate::phantom) const NAVEL_LEVEL: f32 = 21.2;
 
-/// Level along the spine, and radius of the trunk at the skin there, relative to the radius of the abdomen.
+/// Profile of the trunk: level along the spine, and radius at the skin, relative to the radius of the abdomen.
 const PROFILE: [(f32, f32); 11] = [
     (2.5, 0.42),
     (5.0, 0.46),

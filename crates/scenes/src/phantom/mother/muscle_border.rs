@@ -1,8 +1,8 @@
 //! Border between the subcutaneous fat and the muscles under it: lobules of fat that indent the deep fascia.
 //!
 //! Sound is slower in fat than in muscle, so the border's relief delays a wavefront by 57 ns per mm of height. The
-//! relief's wavelengths are those of small lobules. Longer waves are left out: they would tilt or focus a scanner's
-//! beam, whereas the abdominal walls of people scatter it like frosted glass.
+//! relief has the wavelengths of small lobules. Longer waves are left out: they would tilt or focus a scanner's beam,
+//! whereas real abdominal walls scatter it like frosted glass.
 
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -20,10 +20,10 @@ use crate::phantom::parameters::Parameters;
 const WAVES: u64 = 24;
 /// Shortest and longest wavelength, mm.
 const WAVE_MM: [f32; 2] = [13.0, 20.0];
-/// Half the angle about the axis that the relief spans, rad. The relief reaches the flanks, where a probe on the other
-/// flank points.
+/// Half the angle that the relief spans about the axis, rad. The relief includes both flanks, because a probe on one
+/// flank points at the other.
 const HALF_ANGLE: f32 = 1.62;
-/// Power added to the squared envelope before the waves are divided by it, relative to the mean power. It keeps the
+/// Power added to the squared envelope, relative to the mean power, before its root divides the waves. It keeps the
 /// relief finite where the envelope is weak.
 const EVEN_POWER: f32 = 0.25;
 /// Mean depth of the relief under the even fascia, relative to the relief's RMS.
@@ -90,8 +90,8 @@ impl Border {
     /// Depth of the border under the outer side of the even fascia, mm, at the point `u` mm across and `v` mm along the
     /// belly. `outside` is the distance of the point outside the relief's extent, mm; negative within it.
     fn depth_mm(&self, u: f32, v: f32, outside: f32) -> f32 {
-        // All waves have directions within half a turn, so their sum has an envelope. Divided by it, the relief is
-        // equally strong everywhere.
+        // The directions of all waves lie within half a turn, so their sum has an envelope. Division by the envelope
+        // makes the relief equally strong everywhere.
         let turn = |Wave([a, b, phase]): &Wave| Vec2::from_angle(a * u + b * v + phase);
         let sum = (2.0 / WAVES as f32).sqrt() * self.waves.iter().map(turn).sum::<Vec2>();
         let relief = sum.x / (EVEN_POWER + 0.5 * sum.length_squared()).sqrt();
@@ -106,7 +106,7 @@ impl Border {
     fn solid(self) -> Solid {
         let along = self.half_mm[1];
         let outer = self.under_fat.bounds().grown(self.upper_mm + 1.0);
-        // The relief spans slightly more than a right angle, so it ends below the axis.
+        // The relief spans slightly more than a right angle on each side, so it ends below the axis.
         let low = AXIS_Z_MM - 0.15 * outer.max.x;
         let bounds = outer.overlap(Bounds {
             min: Vec3::new(outer.min.x, -along - 1.0, low),

@@ -262,7 +262,7 @@ impl Placenta {
                 let Some(fetal) = self.fetal_side(body, on_wall) else { continue };
                 let inward = self.inward(on_wall);
                 let thick = on_wall.distance(fetal);
-                // Room directly in front of the insertion and farther away from it; a thin rim can't hold a cord.
+                // Space directly in front of the insertion and farther away; a thin rim can't hold a cord.
                 let clearance = |mm: f32| {
                     let p = fetal + inward * mm;
                     fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)

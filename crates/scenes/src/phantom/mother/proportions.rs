@@ -13,9 +13,9 @@ pub(super) const UTERINE_WALL_MM: f32 = 8.0;
 /// Amniotic fluid index of the reference cavity, mm.
 const FLUID_INDEX_22_MM: f32 = 140.0;
 
-/// Size of the fetus relative to 22 weeks: a parabola through Hadlock's biparietal diameter, abdominal circumference
-/// and femur length at 16, 22 and 34 weeks, each relative to its value at 22 (Radiology 152:497, 1984; means of the
-/// three).
+/// Size of the fetus relative to 22 weeks: a parabola through the values at 16, 22 and 34 weeks. Each value is the mean
+/// ratio of Hadlock's biparietal diameter, abdominal circumference and femur length to their values at 22 weeks
+/// (Radiology 152:497, 1984).
 pub(super) fn growth(parameters: &Parameters) -> f32 {
     let weeks = parameters.gestational_weeks as f32 - 22.0;
     1.0 + 0.0583 * weeks - 0.000_28 * weeks * weeks

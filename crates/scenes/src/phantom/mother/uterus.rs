@@ -15,7 +15,7 @@ const FULLNESS: f32 = 2.25;
 const MEMBRANES_MM: f32 = 0.35;
 /// Thickness of the fluid between amnion and chorion at the centre of their separation, mm.
 const PARTED_MM: f32 = 2.6;
-/// Depth to which the solid of that fluid extends into the cavity, where the membranes hide it, mm.
+/// Depth to which the solid of the fluid between the membranes extends into the cavity, hidden by them, mm.
 const DEEP_MM: f32 = 5.0;
 /// Age from which vernix floats in the fluid, weeks.
 const VERNIX_WEEKS: f64 = 28.0;
