@@ -185,7 +185,7 @@ impl Attitude {
         self.spine.vertebra(level)
     }
 
-    /// Point `left` and `ventral` of the spine at `level` (both mm at 22 weeks), in the fetal frame, mm.
+    /// Point at the distances `left` and `ventral` (mm at 22 weeks) from the spine at `level`; fetal frame, mm.
     pub fn trunk(&self, level: f32, left: f32, ventral: f32) -> Vec3 {
         self.vertebra(level).point(Vec3::new(left, 0.0, ventral) * self.biometry.trunk_scale())
     }

@@ -68,17 +68,16 @@ const LONG_BONES_MM: [[f32; 10]; 5] = [
 /// measurements with ultrasonography in the evaluation of fetal growth and development", Am J Obstet Gynecol 156:1065
 /// (1987).
 ///
-/// Unverified: the single values. They agree with 18.1 ± 2.2 mm at 18 weeks and 26.4 ± 1.9 mm at 24 of 1236 fetuses
-/// (Desdicioglu et al., J Fetal Med 6:177, 2019).
+/// Unverified: the single values. They agree with the means of 1236 fetuses: 18.1 ± 2.2 mm at 18 weeks and 26.4 ± 1.9
+/// mm at 24 (Desdicioglu et al., J Fetal Med 6:177, 2019).
 const CEREBELLUM_MM: [f32; 10] = [16.0, 18.0, 20.0, 23.0, 25.0, 29.0, 31.0, 35.0, 38.0, 40.0];
 
 /// Distance between the outer borders of the eyes and diameter of an eye, at every second week from 16 to 34, mm: after
 /// Jeanty et al., "The binocular distance: a new way to estimate fetal age", J Ultrasound Med 3:241 (1984), to about a
 /// millimetre.
 ///
-/// Unverified: the single values. The binocular distances are, within 0.5 mm, between the lines 2.59 + 1.42 w of
-/// Sukonpan and Phupong (J Med Assoc Thai 91:1318, 2008) and 0.51 + 1.679 w of Suh et al. (Korean J Obstet Gynecol
-/// 49:2096, 2006).
+/// Unverified: the single values. Within 0.5 mm, the binocular distances lie between two lines: 2.59 + 1.42 w (Sukonpan
+/// and Phupong, J Med Assoc Thai 91:1318, 2008) and 0.51 + 1.679 w (Suh et al., Korean J Obstet Gynecol 49:2096, 2006).
 const EYES_MM: [[f32; 10]; 2] = [
     [25.0, 30.0, 34.0, 37.0, 41.0, 44.0, 47.0, 50.0, 52.0, 54.0],
     [7.0, 9.0, 10.0, 11.0, 12.0, 13.0, 13.5, 14.0, 14.5, 15.0],
@@ -103,8 +102,8 @@ impl Biometry {
     ///   "Estimating fetal age: computer-assisted analysis of multiple fetal growth parameters", Radiology 152:497
     ///   (1984), in cm of w weeks: BPD = −3.08 + 0.41 w − 0.000061 w³; HC = −11.48 + 1.56 w − 0.0002548 w³;
     ///   AC = −13.3 + 1.61 w − 0.00998 w²; FL = −3.91 + 0.427 w − 0.0034 w². Unverified: the coefficients in the paper
-    ///   itself. Its widely used formulas for the age from a size return the weeks within 0.6, except for the head
-    ///   circumference, which gives 1.4 too many at 34 (a test).
+    ///   itself. The paper's widely used formulas for the age return the weeks within 0.6. Exception: the head
+    ///   circumference gives 1.4 weeks too many at 34 (a test).
     /// - Other long bones: Jeanty 1984. The foot is as long as the femur (unverified: Campbell et al., J Ultrasound Med
     ///   7:187, 1988).
     /// - Cerebellum: Goldstein 1987. Cisterna magna 5 mm (mean; Mahony et al., Radiology 153:773, 1984; 4.3 at 18 to

@@ -103,7 +103,7 @@ fn breathing(attitude: &Attitude, seed: u64) -> Field {
 /// Occasional stretching of a limb at the second of its joints `[root, hinge, next, tip]`, fetal frame, mm.
 fn stretch(attitude: &Attitude, name: String, joints: [Vec3; 4], radius_mm: f32, seed: u64) -> Field {
     let [root, hinge, next, tip] = joints;
-    // A positive rotation about this axis bends, a negative one stretches.
+    // A positive rotation about this axis bends the joint, a negative rotation stretches it.
     let axis = (hinge - root).cross(next - hinge).normalize_or(Vec3::X);
     let end = hinge + (next - hinge).normalize() * (next.distance(hinge) + 0.6 * tip.distance(next));
     // Each limb stretches at its own times.

@@ -7,8 +7,8 @@
 //! - A head or belly of 30 mm radius, cut 5 mm off its widest section, shrinks by 1.4 %.
 //! - A femur 39 mm long and 5 mm thick leaves a slice of 1.5 mm beyond 9°.
 //!
-//! Measurements in practice differ by several percent between observers (Sarris et al., Ultrasound Obstet Gynecol
-//! 39:266, 2012), more than by such errors.
+//! In practice, measurements differ by several percent between observers (Sarris et al., Ultrasound Obstet Gynecol
+//! 39:266, 2012). The listed effects are smaller.
 
 use glam::{DVec3, Vec3};
 use insonify_core::anatomy::planes::{

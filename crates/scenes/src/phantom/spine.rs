@@ -8,7 +8,7 @@ use insonify_core::anatomy::sdf::{Isometry, catmull_rom};
 /// of T1, 19 the top of L1, 24 the top of S1.
 pub(crate) const VERTEBRAE: usize = 29;
 
-/// Number of vertebrae, and relative height of one with its disc, for the cervical, thoracic, lumbar and sacral spine.
+/// Number of vertebrae, and relative height of a vertebra with its disc: cervical, thoracic, lumbar and sacral spine.
 const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];
 
 /// Points (y, z) of the spine's midsagittal curve as drawn, from C1 to S5, mm at 22 weeks.

@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Largest number of bytes per read from a stream.
 const PIECE: usize = 4096;
 
-/// A source of tracker bytes whose bytes and events go into a recording.
+/// Source of tracker bytes and events that go into a recording.
 pub struct Capture {
     tap: Tap,
     source: Source,

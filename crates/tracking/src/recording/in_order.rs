@@ -34,8 +34,8 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
     (before - items.len()) as u64
 }
 
-/// Ascending indices of the longest subsequence of `items` with non-decreasing times; of several, the one with the
-/// earliest end.
+/// Ascending indices of the longest subsequence of `items` with non-decreasing times. If several are equally long, the
+/// subsequence with the earliest end.
 ///
 /// Patience sorting, O(n log n): M. L. Fredman, On computing the length of longest increasing subsequences, Discrete
 /// Mathematics 11 (1975).

@@ -274,7 +274,7 @@ pub enum RecordingError {
         /// File.
         path: PathBuf,
     },
-    /// An MCAP file without tracker bytes, or truncated before them.
+    /// An MCAP file without tracker bytes, or truncated before the first of them.
     #[error("{path} holds no tracker data: {reason}")]
     NoTracker {
         /// File.

@@ -122,7 +122,7 @@ impl RecordingSummary {
         }
     }
 
-    /// Advice on choosing the probe in a recording with several sensors; `None` if one was chosen.
+    /// Advice on choosing the probe in a recording with several sensors; `None` if it was chosen.
     pub fn advice(&self) -> Option<String> {
         let key = self.sensors.first().filter(|_| self.undecided)?.name().key();
         let list: Vec<String> = self.sensors.iter().map(RecordedSensor::to_string).collect();

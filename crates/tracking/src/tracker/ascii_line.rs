@@ -131,8 +131,8 @@ impl StreamDecoder for Decoder {
     }
 }
 
-/// Fault of the last complete line in `text` that begins like this format. `None` if there is no such line, or if it
-/// is a valid record.
+/// Fault of the last complete line in `text` that starts with `P,`. `None` if there is no such line, or if it is a
+/// valid record.
 #[cfg(feature = "live")]
 pub(super) fn fault_of_last(text: &[u8]) -> Option<Reason> {
     let whole = &text[..text.iter().rposition(|&b| b == b'\n')?];

@@ -1,4 +1,4 @@
-//! Mapping from the axes of a SpaceMouse puck to those of the probe.
+//! Mapping from the axes of a SpaceMouse puck to the probe's axes.
 
 use std::fmt;
 use std::str::FromStr;

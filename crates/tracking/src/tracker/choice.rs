@@ -84,7 +84,7 @@ impl Choice {
         match (&self.port, &self.address) {
             _ if hid.carries(protocol) => Ok(hid),
             (Some(port), _) => {
-                // An NDI device is opened at its default speed and then switched to the requested one.
+                // An NDI device is opened at its default speed and then switched to the requested speed.
                 let baud = self.baud.filter(|_| protocol != Protocol::Ndi).unwrap_or(protocol.usual_baud());
                 Ok(Transport::Serial { port: port.clone(), baud })
             }

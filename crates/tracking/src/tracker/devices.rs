@@ -78,7 +78,7 @@ impl Devices {
     /// The devices of this machine.
     ///
     /// # Errors
-    /// The system cannot list them.
+    /// The system cannot list the devices.
     pub fn list() -> io::Result<Self> {
         Ok(Self {
             #[cfg(feature = "serial")]
@@ -128,7 +128,7 @@ pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) ->
 /// All serial ports, sorted by path.
 ///
 /// # Errors
-/// The system cannot list them.
+/// The system cannot list the ports.
 #[cfg(feature = "serial")]
 pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
@@ -217,7 +217,7 @@ pub fn latency_hint(port: &SerialDevice) -> Option<String> {
 /// All HID devices, sorted by path.
 ///
 /// # Errors
-/// The system cannot list them.
+/// The system cannot list the devices.
 #[cfg(feature = "hid")]
 pub(crate) fn hid_devices() -> io::Result<Vec<HidDevice>> {
     Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))

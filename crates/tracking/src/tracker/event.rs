@@ -26,7 +26,7 @@ pub enum TrackerEvent {
         retry: Duration,
     },
     /// No record arrived within the silence limit. The device is restarted: first on the open port, then on a reopened
-    /// one, with a reset if its driver supports it. Mocks, recordings and datagram sources are not restarted.
+    /// port, with a reset if its driver supports it. Mocks, recordings and datagram sources are not restarted.
     Silent {
         /// Duration of the silence.
         for_: Duration,
@@ -75,7 +75,7 @@ pub enum TrackerEvent {
         /// Number of datagrams left out so far, of all senders.
         left_out: u64,
     },
-    /// The sender in use fell silent, and another one replaced it.
+    /// The sender in use fell silent, and another sender replaced it.
     SenderChanged {
         /// Sender until now.
         from: SocketAddr,

@@ -1,4 +1,4 @@
-//! Signs that a stream does not come from one device with a steady clock.
+//! Irregularities in a stream of records, with their texts.
 
 use std::fmt;
 

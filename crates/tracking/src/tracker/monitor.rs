@@ -73,7 +73,7 @@ impl TrackerReport {
     }
 }
 
-/// Statistics of one sensor, since the last report or of a whole session.
+/// Statistics of one sensor, either since the last report or over the whole session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorReport {
     /// Number of the Polhemus station, NDI port handle or tool.

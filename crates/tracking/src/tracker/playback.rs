@@ -16,7 +16,7 @@ pub trait Playback: Send {
     /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
     fn sensor(&self) -> Option<ProbeSensor>;
 
-    /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, at least one. `None` at the end.
+    /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, never empty. `None` at the end.
     ///
     /// # Errors
     /// The recording can't be read.

@@ -1,4 +1,4 @@
-//! Sensors of a stream, and the choice of the one that is the probe.
+//! Sensors of a stream, and the choice of the probe among them.
 
 use std::fmt;
 
@@ -42,7 +42,7 @@ impl SensorName {
 /// Choice of the sensor that is the probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ProbeSensor {
-    /// The only sensor received. As soon as a second one is received, no sensor is the probe.
+    /// The only sensor received. As soon as a second sensor is received, no sensor is the probe.
     Only,
     /// The sensor with this number.
     Number(u16),

@@ -202,7 +202,7 @@ pub enum PortName {
         vendor: u16,
         /// Product.
         product: u16,
-        /// Serial number; `None` takes the first such device.
+        /// Serial number; `None` takes the first device with these ids.
         serial: Option<String>,
     },
 }

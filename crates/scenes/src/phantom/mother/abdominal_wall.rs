@@ -68,7 +68,7 @@ impl AbdominalWall {
         bisect(0.0, 600.0, 40, |height| skin.distance_mm(Vec3::Z * height) < 0.0)
     }
 
-    /// Skin, fat, fasciae, muscles, peritoneum and interior: closed surfaces, one around the next.
+    /// Skin, fat, fasciae, muscles, peritoneum and interior: nested closed surfaces.
     pub(super) fn organs(&self) -> Vec<Organ> {
         let under_sheath = FASCIA_MM + MUSCLE_MM;
         let under_fascia = under_sheath + POSTERIOR_FASCIA_MM;

@@ -24,8 +24,8 @@ const LAYERS_MAX: i32 = 3;
 const AXIS_Z_MM: f32 = -40.0;
 /// Largest displacement of the bent lattice from a straight one for fat up to [`MODERATE_FAT_MM`], mm.
 const BENT_MM: f32 = 24.0;
-/// Fat thickness, mm, up to which the lattice's bounds have a fixed margin. Each further mm of fat adds 1 mm to the
-/// margin across and along the belly and `DEPTH_PER_MM_OF_FAT` to its depth, as the belly slopes at its ends.
+/// Fat thickness, mm, up to which the lattice's bounds have a fixed margin. Per further mm of fat, the margin grows by
+/// 1 mm across and along the belly, and by `DEPTH_PER_MM_OF_FAT` in depth, as the belly slopes at its ends.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
 /// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so they hide that side.

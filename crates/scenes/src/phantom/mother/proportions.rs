@@ -49,7 +49,7 @@ pub(in crate::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
 pub(super) struct Proportions {
     /// Semi-axes of the cavity, mm.
     pub(super) cavity_semi: Vec3,
-    /// Semi-axes of the cavity minus those of the reference cavity, mm.
+    /// Excess of the cavity's semi-axes over the reference cavity's, mm.
     pub(super) excess: Vec3,
 }
 

@@ -23,7 +23,7 @@ pub(super) struct Repeats {
 }
 
 impl Repeats {
-    /// Whether the frame number differs from the last one of the same port.
+    /// Whether the frame number differs from that of the port's previous record.
     pub(super) fn is_new(&mut self, record: &Record) -> bool {
         self.last.resize(PORTS, None);
         let Some(last) = self.last.get_mut(usize::from(record.sensor)) else { return true };

@@ -16,7 +16,7 @@ pub(super) enum Port {
 }
 
 fn record(handle: u8, status: u32, frame: u32, reading: Reading) -> Record {
-    // The three bits above the lowest one are the switches.
+    // Bits 1 to 3 of the status are the switches.
     Record { sequence: Some(frame), buttons: (status >> 1) & 7, ..Record::new(u16::from(handle), reading) }
 }
 

@@ -69,7 +69,7 @@ impl<'a> Metadata<'a> {
         })
     }
 
-    /// Whether the message marks the transform of `tool` as valid; true without such a key.
+    /// Whether the message marks the transform of `tool` as valid; true if it says nothing about it.
     pub(super) fn is_valid(self, tool: &str) -> bool {
         self.entries().all(|(key, value)| {
             let (Ok(key), Ok(value)) = (std::str::from_utf8(key), std::str::from_utf8(value)) else { return true };

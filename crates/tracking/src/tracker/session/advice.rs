@@ -20,7 +20,7 @@ const NOTABLE: f64 = 0.02;
 /// Flag byte of an SHTP frame over UART.
 const SHTP_FLAG: u8 = 0x7E;
 
-/// Usual speeds of serial devices, for advice about a wrong one.
+/// Usual speeds of serial devices, for advice about a wrong speed.
 const USUAL_BAUDS: &str = "9600, 19200, 38400, 57600, 115200";
 
 /// Keeps recent bytes of a stream and diagnoses them.

@@ -12,7 +12,7 @@ use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::settings::Settings;
 use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Protocol, Record, TrackerEvent};
 
-/// Shortest time between two reports of another sender.
+/// Shortest time between two reports of other senders.
 const SENDER_PERIOD: Duration = Duration::from_secs(5);
 
 /// Number of other senders' datagrams from which a second sender is reported. The first two may come from a sender
@@ -35,7 +35,7 @@ pub(super) struct Intake {
     probe_at: Duration,
     /// Whether the probe's absence was reported.
     missing_told: bool,
-    /// Time of the last report of another sender; `None` before the first.
+    /// Time of the last report of other senders; `None` before the first.
     sender_told: Option<Duration>,
     /// Numbers of bytes and records since the port was opened.
     connection: (u64, u64),

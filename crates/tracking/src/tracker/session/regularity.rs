@@ -63,7 +63,7 @@ struct Window {
     restarts: u32,
     late: u32,
     stalls: u32,
-    /// Number of records with the same counter as the one before.
+    /// Number of records with the same counter as the previous record.
     same_counter: u32,
     poses: u32,
     far: u32,

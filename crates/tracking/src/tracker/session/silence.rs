@@ -41,7 +41,7 @@ impl SilenceWatch {
     /// Records that the device was restarted.
     pub(super) fn restarted(&mut self, now: Duration) {
         self.from = now;
-        // The limit of the previous start does not apply to this one.
+        // The limit of the previous start does not apply to the new start.
         self.last_limit = Duration::ZERO;
         self.had_grace = false;
     }

@@ -34,7 +34,7 @@ pub(super) enum Received {
         /// Arrival of the first byte, ns since 1970 (UTC); `None` for the current time.
         time_ns: Option<u64>,
     },
-    /// A datagram was appended: the first one of a sender that replaces another.
+    /// The first datagram of a new sender, which replaces the previous sender, was appended.
     FromNewSender {
         /// Sender until now.
         before: SocketAddr,

@@ -156,7 +156,7 @@ async fn damage_is_counted_each_and_told_seldom() {
         .iter()
         .filter_map(|(_, event)| if let TrackerEvent::Damaged(damage) = event { Some(damage) } else { None })
         .collect();
-    // The first report comes after one second, further ones at most every five seconds.
+    // The first report comes after one second, further reports at most every five seconds.
     assert_eq!(told.len(), 3, "{told:?}");
     assert_eq!(told.iter().map(|damage| damage.damaged).sum::<u64>(), 500);
     let text = told[1].to_string();
