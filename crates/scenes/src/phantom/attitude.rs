@@ -91,8 +91,8 @@ const ARMS: [Pose; 2] = [
     },
 ];
 
-/// Unit direction at `flexion`, interpolated between the three key directions. `side` is 1 for a left limb, −1 for a
-/// right one.
+/// Unit direction at `flexion`, interpolated between the three key directions. `side` is 1 for a left and −1 for a
+/// right limb.
 fn between(keys: &[[f32; 3]; 3], flexion: f32, side: f32) -> Vec3 {
     let [a, b, c] = keys.map(|k| Vec3::from(k).normalize());
     let v = if flexion < 0.5 { a.lerp(b, 2.0 * flexion) } else { b.lerp(c, 2.0 * flexion - 1.0) };

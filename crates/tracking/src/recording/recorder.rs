@@ -25,7 +25,7 @@ pub struct QueueLimits {
 }
 
 impl Default for QueueLimits {
-    /// Default: more than a minute of the fastest tracker (240 records of 100 bytes per second).
+    /// Default: nearly three minutes of the fastest tracker (240 records of 100 bytes per second).
     fn default() -> Self {
         Self { bytes: 4 << 20, messages: 1 << 16 }
     }

@@ -1,4 +1,4 @@
-//! The fetus. Its organs are modelled in the fetal frame and placed in the scene at the end.
+//! The fetus: organs *as drawn*, at their size at 22 weeks, are scaled to their age and then placed in the scene.
 
 mod abdomen;
 mod brain;

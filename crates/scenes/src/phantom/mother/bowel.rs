@@ -62,7 +62,7 @@ fn lines(parameters: &Parameters) -> Vec<Vec<(Vec3, f32)>> {
     LOOPS_22_MM.iter().enumerate().map(line).collect()
 }
 
-/// Loops within the belly, with all radii reduced by `inside_mm`.
+/// Loops within the belly, with radii reduced by `inside_mm`.
 fn loops(lines: &[Vec<(Vec3, f32)>], inside_mm: f32, interior: &Solid) -> Solid {
     let tube = |line: &Vec<(Vec3, f32)>| sweep(&line.iter().map(|&(p, r)| (p, r - inside_mm)).collect::<Vec<_>>());
     union(lines.iter().map(tube)).smooth_intersect(interior.grown(-1.0 - inside_mm), 3.0)

@@ -1,4 +1,4 @@
-//! Umbilical cord: jelly about a vein and two arteries that wind around it.
+//! Umbilical cord: Wharton's jelly around a vein and two arteries, which wind around the cord's centre line.
 
 use std::f32::consts::TAU;
 
@@ -14,11 +14,11 @@ use crate::phantom::parameters::Parameters;
 /// Radius at 22 weeks, mm (Weissman et al., J Ultrasound Med 13:11, 1994: about 10 to 11 mm across).
 const CORD_RADIUS_22_MM: f32 = 5.2;
 const VESSEL_WALL_MM: f32 = 0.35;
-/// Radius of a vessel and distance of its centre from the cord's, in units of the cord's radius.
+/// Radius of a vessel, and distance of the vessel from the cord's centre line, in units of the cord's radius.
 const VEIN: [f32; 2] = [0.345, 0.365];
 const ARTERY: [f32; 2] = [0.20, 0.615];
-/// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils per cm (Predanic et al., J Ultrasound Med 24:271,
-/// 2005).
+/// Length along the cord per turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils per cm (Predanic et al., J
+/// Ultrasound Med 24:271, 2005).
 const PITCH_22_MM: f32 = 28.0;
 /// Depth to which the cord extends into placenta and fetus, mm.
 const ROOTED_MM: f32 = 5.0;

@@ -291,7 +291,7 @@ impl Placenta {
         parts.into_iter().chain(lakes).collect()
     }
 
-    /// Position of `p` in the tangent plane.
+    /// Position of `p` in the tangent plane, mm.
     pub(super) fn tangent_position(&self, p: Vec3) -> Vec2 {
         let [a, b] = self.tangents();
         Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b))
