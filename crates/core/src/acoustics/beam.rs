@@ -63,8 +63,8 @@ pub struct Profile {
 /// Pair of elements at equal distances from the axis.
 struct Pair {
     amplitude: f64,
-    /// Path from an element to a point on the axis minus the path from the aperture's centre, less the focusing delay,
-    /// mm.
+    /// Path from an element to a point on the axis, minus the path from the aperture's centre to that point, minus the
+    /// focusing delay, mm.
     late_mm: f64,
     /// Sine of the angle between the axis and the line from an element to the point.
     sine: f64,
@@ -124,8 +124,8 @@ impl Beam {
         }
     }
 
-    /// Smallest depth at which the sums are valid, mm: a wavelength. For a lens it is also large enough that
-    /// [`ELEMENTS_MAX`] elements sample the aperture densely.
+    /// Smallest depth at which the sums are valid, mm: a wavelength. For a fixed receive focus, it is also deep enough
+    /// that [`ELEMENTS_MAX`] elements sample the aperture densely.
     fn least_depth_mm(&self) -> f64 {
         let wavelength = wavelength_mm(self.frequency_mhz);
         match self.reception {
@@ -200,7 +200,7 @@ fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
 
 impl Profile {
     /// Offset beyond which the amplitude stays below `level`, in steps, interpolated; the last offset if the amplitude
-    /// doesn't fall below.
+    /// is still at or above `level` there.
     pub fn steps_above(&self, level: f64) -> f64 {
         let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
         let Some(next) = self.levels.get(last + 1) else { return last as f64 };

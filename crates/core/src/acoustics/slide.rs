@@ -9,14 +9,14 @@ use std::f64::consts::{PI, TAU};
 
 use super::wavelength_mm;
 
-/// Largest numbers of plane waves in the one-way field, and of sample positions on the lens.
+/// Largest number of plane waves in the one-way field, and largest number of sample positions on the lens.
 const WAVES_MAX: f64 = 256.0;
 const POSITIONS_MAX: f64 = 1024.0;
-/// Number of lobes of the lens's angular spectrum that are kept beyond the angles from its focus to its edges.
+/// Number of diffraction lobes that the lens's angular spectrum keeps outside the cone from the focus to the edges.
 const LOBES: f64 = 8.0;
 /// Number of sample positions on the lens per period of its highest spatial frequency.
 const POSITIONS_PER_PERIOD: f64 = 8.0;
-/// Margin on each side of the beam, mm, between it and its repetitions in the periodic sampled field.
+/// Margin on each side of the beam, mm. It separates the beam from its periodic images in the sampled field.
 const MARGIN_MM: f64 = 2.0;
 
 /// A cylindrical lens across the slice.
@@ -122,7 +122,7 @@ fn propagated(spectrum: &[[f64; 2]], k: f64, dq: f64, half: i32, depth_mm: f64) 
         .collect()
 }
 
-/// Power spectrum of the square of a field that is given by the amplitudes of its plane waves.
+/// Power spectrum of a field's square, from the amplitudes of the field's plane waves.
 fn power_of_square(waves: &[[f64; 2]]) -> Vec<f64> {
     let mut square = vec![[0.0; 2]; 2 * waves.len() - 1];
     for (i, a) in waves.iter().enumerate() {
