@@ -16,7 +16,7 @@ pub struct Part {
     pub name: &'static str,
     /// Name of its tissue.
     pub tissue: &'static str,
-    /// Priority: where parts overlap, the one of the highest priority is the medium.
+    /// Priority: where parts overlap, the part of highest priority is the medium.
     pub priority: i32,
     /// The surface, mm.
     pub mesh: Mesh,

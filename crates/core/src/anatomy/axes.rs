@@ -24,7 +24,7 @@ impl Axes {
         }
     }
 
-    /// Axes whose [`name`](Self::name) is `name`; `None` if there are none.
+    /// Axes whose [`name`](Self::name) is `name`; `None` for an unknown name.
     pub fn named(name: &str) -> Option<Self> {
         [Self::Depth, Self::Anatomical, Self::Patient].into_iter().find(|axes| axes.name() == name)
     }

@@ -16,7 +16,7 @@ pub struct LabelledSurface {
     pub name: String,
     /// Name of its tissue in the tissue table.
     pub tissue: String,
-    /// Priority: where closed surfaces overlap, the one of the highest priority is the medium.
+    /// Priority: where closed surfaces overlap, the surface of highest priority is the medium.
     pub priority: i32,
     /// The surface, scene frame, mm.
     pub mesh: Mesh,
@@ -55,7 +55,7 @@ pub fn write_glb(surfaces: &[LabelledSurface], path: &Path) -> Result<(), Export
     write_moving_glb(surfaces, &Motion::default(), path)
 }
 
-/// As [`write_glb`], with the motion in `extras.motion` of the glTF scene.
+/// Writes `surfaces` like [`write_glb`], with the motion in `extras.motion` of the glTF scene.
 ///
 /// # Errors
 /// As [`write_glb`].
@@ -74,7 +74,7 @@ pub struct SceneExtras {
     pub source: Option<String>,
 }
 
-/// As [`write_glb`], with `extras` of the glTF scene.
+/// Writes `surfaces` like [`write_glb`], with `extras` as the extras of the glTF scene.
 ///
 /// # Errors
 /// As [`write_glb`].

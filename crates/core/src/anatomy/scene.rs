@@ -9,7 +9,7 @@ use super::{Axes, Mesh, TissueTable};
 use crate::files::FileError;
 use crate::suggest::did_you_mean;
 
-/// Largest number of surfaces in a scene: the state of a ray path has one bit for each.
+/// Largest number of surfaces in a scene: the state of a ray path has one bit per surface.
 pub const SURFACES_MAX: usize = 256;
 
 /// A closed surface and its tissue.
@@ -19,8 +19,8 @@ pub struct Surface {
     pub name: String,
     /// Index of its tissue in the scene's [`TissueTable`].
     pub tissue: usize,
-    /// Priority: where closed surfaces overlap, the one of the highest priority is the medium; among equals the later
-    /// one.
+    /// Priority: where closed surfaces overlap, the surface of highest priority is the medium; among equals, the later
+    /// surface.
     pub priority: i32,
     /// Mesh of the surface, scene frame, mm.
     pub mesh: Mesh,
@@ -145,7 +145,7 @@ pub enum SceneError {
         /// Path of the file.
         path: PathBuf,
     },
-    /// A scene in a wrong unit, larger than a body: an image would show nothing of it.
+    /// A scene larger than a body, likely in a wrong unit: an image would show no surface.
     #[error(
         "{path}: {what}, and no surface is thinner than {thinnest_mm:.0} mm, so an image {depth_mm:.0} mm deep shows \
          nothing: {remedy}"

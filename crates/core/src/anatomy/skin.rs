@@ -24,8 +24,8 @@ const BODY_MM: f32 = 3000.0;
 /// gap and the largest tolerance.
 const PROBE_MM: f64 = 30.0;
 
-/// Offsets of the two rays that test one line, mm, in either direction: a ray exactly along the border between boxes
-/// may miss both boxes, the offset ones don't.
+/// Offset of the two parallel rays that test one line, mm, to opposite sides. A ray exactly along the border between
+/// two boxes may miss both boxes; an offset ray does not.
 const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
 /// Number of the six axis directions in which a point inside the body must have skin. A scanned body may be open on one
@@ -35,8 +35,8 @@ const ENCLOSED: usize = 5;
 /// Skin of a scene: the outer surface on which the probe is placed.
 pub struct Skin {
     outside: Outside,
-    /// Outermost surfaces of the whole scene. Present only if the skin does not surround the scene's middle: it may be
-    /// a slab of skin over other tissues.
+    /// Outermost surfaces of the whole scene. Present only if the skin does not surround the scene's middle: the skin
+    /// may then be a slab over other tissues.
     body: Option<Box<Skin>>,
 }
 

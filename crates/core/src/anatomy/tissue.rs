@@ -21,7 +21,7 @@ settings! {
         /// Power of the frequency in the attenuation.
         attenuation_exponent: f64 = 1.0, "", 0.0..=3.0, Everything;
 
-        /// Part of the lattice's cells with a scatterer.
+        /// Fraction of the cells of the scatterer lattice that contain a scatterer.
         scatterer_density: f64 = 0.0, "", 0.0..=1.0, Everything;
 
         /// Mean amplitude of a scatterer, relative to a perfect reflector; its sign has no effect on the image.
@@ -30,31 +30,31 @@ settings! {
         /// Standard deviation of a scatterer's amplitude.
         scatterer_deviation: f64 = 0.0, "", 0.0..=10.0, Everything;
 
-        /// RMS slope of its surfaces' microfacets; 0 is a mirror.
+        /// RMS slope of the microfacets on the tissue's surfaces; 0 is a mirror.
         roughness: f64 = 0.0, "", 0.0..=2.0, Everything;
 
-        /// Thickness of the transition at its surfaces.
+        /// Thickness of the transition layer at the tissue's surfaces.
         thickness_mm: f64 = 0.0, "mm", 0.0..=10.0, Everything;
 
-        /// Standard deviation of the level of its coarse texture.
+        /// Standard deviation of the level of the coarse texture.
         cloud_db: f64 = 0.0, "dB", 0.0..=12.0, Everything;
 
-        /// Scale of that texture: two places so far apart correlate by e^-0.5.
+        /// Correlation length of the coarse texture: levels at this distance correlate by e^-0.5.
         cloud_mm: f64 = 8.0, "mm", 0.2..=200.0, Everything;
 
-        /// Standard deviation of the level of its fine texture.
+        /// Standard deviation of the level of the fine texture.
         grain_db: f64 = 0.0, "dB", 0.0..=12.0, Everything;
 
-        /// Scale of that texture: two places so far apart correlate by e^-0.5.
+        /// Correlation length of the fine texture: levels at this distance correlate by e^-0.5.
         grain_mm: f64 = 1.5, "mm", 0.2..=200.0, Everything;
 
-        /// Level of the septa in it, relative to the tissue between them; negative if they are dark.
+        /// Level of the septa, relative to the tissue between them; negative for dark septa.
         septa_db: f64 = 0.0, "dB", -20.0..=20.0, Everything;
 
-        /// Mean distance of the septa along a line.
+        /// Mean distance between septa along a line.
         septa_mm: f64 = 10.0, "mm", 0.5..=200.0, Everything;
 
-        /// Length over width of its texture along `fibre`: above 1 for fibres, below 1 for layers across it.
+        /// Length of the texture along `fibre` over its width: above 1 for fibres, below 1 for layers across `fibre`.
         fibre_ratio: f64 = 1.0, "", 0.02..=50.0, Everything;
 
         /// Direction of the fibres in the scene, of any length.

@@ -76,7 +76,7 @@ pub struct Bvh {
     pub centre_mm: DVec3,
     /// Nodes, 80 bytes each.
     pub nodes: Vec<[u32; 20]>,
-    /// Triangles in leaf order: those of a leaf are contiguous.
+    /// Triangles in leaf order: the triangles of a leaf are contiguous.
     pub triangles: Vec<PackedTriangle>,
     /// Half the diagonal of the scene's bounds, plus the largest displacement by motion, mm.
     pub radius_mm: f64,

@@ -24,7 +24,7 @@ pub struct MotionTables {
     /// Index of the first moving triangle in leaf order; all later triangles are moving, too.
     pub first_triangle: u32,
     /// Nodes to refit, the lowest level first: index in [`super::Bvh::nodes`], then the bit set of the fields of the
-    /// node's tree. The last one is the root that joins all trees.
+    /// node's tree. The last entry is the root that joins all trees.
     pub nodes: Vec<[u32; 2]>,
     /// Range of each level in `nodes`. Moving children of a node are in lower levels only.
     pub levels: Vec<Range<u32>>,
@@ -33,7 +33,7 @@ pub struct MotionTables {
 }
 
 impl MotionTables {
-    /// Tables for the trees in `nodes`, of which the first joins all trees.
+    /// Builds the tables. The first of `nodes` is the root that joins all trees.
     pub(super) fn new(moving: &Moving, centre_mm: DVec3, nodes: &[[u32; 20]]) -> Self {
         let vertex = |v: &super::moving::Vertex| {
             let [x, y, z] = v.rest.to_array().map(f32::to_bits);

@@ -14,7 +14,7 @@ pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
 }
 
 /// The node `words` with updated boxes of its children, and its own exact box. `extents` holds the exact box of each
-/// node; those of the node's inner children are already up to date.
+/// node; the boxes of the node's inner children are already up to date.
 pub(super) fn fit(mut words: [u32; 20], triangles: &[PackedTriangle], extents: &[Bounds]) -> ([u32; 20], Bounds) {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut words);
     let mut children = [Bounds::EMPTY; 8];

@@ -245,8 +245,7 @@ mod tests {
 
     #[test]
     fn a_wedge_tilts_and_a_ball_blurs() {
-        // A beam is 10° off the normal of fat that begins before the probe's face: the path in fat is longer on one
-        // side.
+        // The beam is 10° off the normal of a fat layer around the probe's face: the path in fat is longer on one side.
         let wedge = scene(vec![("fat", slab(-100.0, 30.0))]);
         let turn = 10f64.to_radians();
         let pose = Pose { position_mm: DVec3::ZERO, orientation: DQuat::from_rotation_y(turn) };

@@ -13,8 +13,8 @@ use crate::anatomy::Mesh;
 /// Depth of a crossing below which it counts as shallow, mm: about half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
-/// Extent of all crossings between two parts, mm, below which the parts only touch. A crossing is never deeper than its
-/// triangles are large, so finely meshed parts that overlap have shallow crossings along a wide ring.
+/// Parts only touch if the extent of all their crossings is below this, mm. Depth alone doesn't tell: a crossing is
+/// never deeper than its triangles are large, so finely meshed parts that overlap have shallow crossings.
 const TOUCH_MM: f32 = 1.0;
 
 /// Smallest number of crossing pairs that count as an overlap of two solids; fewer are a fold.
@@ -22,11 +22,11 @@ const RING: usize = 3;
 
 /// Crossings of triangles in a surface.
 pub struct Crossings {
-    /// Number of pairs whose triangles cross because parts overlap, or distant regions of one part.
+    /// Number of triangle pairs that cross because two parts overlap, or two distant regions of one part.
     pub overlaps: usize,
     /// Number of crossing pairs that are near neighbours or cross shallowly: creases left by decimation.
     pub folds: usize,
-    /// Region of all overlaps and region of one of them; regions of the folds if there are no overlaps.
+    /// Region of all overlaps, then region of a single overlap; without overlaps, the same for the folds.
     pub regions: Vec<Region>,
 }
 

@@ -9,7 +9,7 @@ use super::finding::{Defect, Finding, Region};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Largest distance between two rims that count as meant to be joined, mm; at most a quarter of the open edges' mean length.
+/// Largest gap, mm, between rims that were meant to be joined; at most a quarter of the open edges' mean length.
 const SEAM_MM: f32 = 0.01;
 
 /// Edge of a triangle, with its vertices in order of index.

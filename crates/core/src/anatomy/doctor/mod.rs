@@ -4,10 +4,10 @@
 //! defects. Coincident vertices count as one: exporters split them where normals or texture coordinates change.
 //! Surfaces of different tissues may overlap or touch.
 //!
-//! Overlaps, hidden surfaces and thin sheets are sampled below up to 1024 triangles of each surface; all other checks
-//! cover every triangle. Decimation typically leaves folds of neighbouring triangles and crossings of less than 0.1
-//! mm. They are reported if more than one triangle in 25 has one. Slivers are reported if there is more than one per
-//! 1000 triangles. A surface without an inside (an open one, for example) hides and overlaps nothing.
+//! Overlaps, hidden surfaces and thin sheets are found at sample points below at most 1024 triangles of each surface;
+//! all other checks cover every triangle. Decimation typically leaves folds of neighbouring triangles and crossings
+//! of less than 0.1 mm. They are reported for more than one triangle in 25; slivers, for more than one in 1000.
+//! A surface without an inside (an open one, for example) hides and overlaps nothing.
 
 pub mod aberration;
 pub mod crossing;

@@ -11,14 +11,14 @@ use super::probes::{Probe, probes};
 use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
 
-/// Largest number of a surface's triangles that get sample points below them.
+/// Largest number of triangles of a surface that are sampled; sample points lie on their inward normals.
 const PROBES: usize = 1024;
 
-/// Smallest fraction of a surface's samples at thin positions that makes it a sheet.
+/// Smallest fraction of a surface's samples that must be thin for the surface to count as a sheet.
 const THIN_PART: f64 = 0.05;
 
-/// Smallest number of points inside another surface, as a fraction of a surface's samples, that counts as a tie. A
-/// single point half way through the surface suffices, too.
+/// Smallest number of sample points inside another surface that counts as a tie, relative to the number of samples. A
+/// single point half way through the surface also suffices.
 const TIED_PART: f64 = 0.01;
 
 /// Largest number of hiding surfaces that a finding names.
@@ -89,7 +89,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
     found
 }
 
-/// Overlap of two surfaces of equal priority: points of the one inside the other.
+/// Overlap of two surfaces of equal priority: sample points of the first that are inside the second.
 #[derive(Default)]
 struct Tie {
     points: Vec<Vec3>,

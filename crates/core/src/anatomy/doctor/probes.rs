@@ -20,7 +20,7 @@ const SKIN_DEEP_MM: f64 = 0.01;
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     let mesh = tree.mesh;
     let step = mesh.triangles.len().div_ceil(count).max(1);
-    // Few triangles are large ones, so each gets several samples.
+    // A mesh of few triangles has large ones, so each gets several samples.
     let each = (count / mesh.triangles.len().max(1)).clamp(1, POINTS_MAX_A_TRIANGLE);
     let below = |corners: [Vec3; 3], own: u32, sample: usize| {
         let [a, b, c] = corners.map(|v| v.as_dvec3());

@@ -10,8 +10,8 @@ use super::surface_check::SurfaceCheck;
 /// Undirected edge: the bits of its ends' coordinates, the lower end first.
 type Key = [[u32; 3]; 2];
 
-/// Reports surfaces of one glTF node whose open edges match each other. If all open edges of a surface do, the report
-/// replaces its finding about a hole.
+/// Reports surfaces of one glTF node whose open edges match each other. If all open edges of a surface match, the
+/// report replaces the surface's finding about a hole.
 pub(super) fn find(checks: &mut [SurfaceCheck]) {
     let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
     for (index, check) in checks.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {

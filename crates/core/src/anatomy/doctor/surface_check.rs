@@ -14,11 +14,11 @@ use crate::suggest::did_you_mean;
 /// Height of a triangle below which rays from 150 mm may miss it, mm; equal to the tracer's edge tolerance.
 const SLIVER_MM: f64 = 1e-4;
 
-/// Folds are reported if there is more than one per this number of the surface's triangles.
+/// Folds are reported if there is more than one fold per this number of the surface's triangles.
 const FOLDS_ONE_IN: usize = 25;
 
-/// Slivers are reported if there is more than one per this number of the surface's triangles. Rays that miss a few
-/// slivers hit their neighbours.
+/// Slivers are reported if there is more than one sliver per this number of the surface's triangles. Rays that miss a
+/// few slivers hit the neighbouring triangles.
 const SLIVERS_ONE_IN: usize = 1000;
 
 /// Number of corners at which a part is tested for being inside other parts. A single corner may nearly touch another
@@ -132,7 +132,7 @@ impl SurfaceCheck {
         let at = |i: u32| self.mesh.vertices_mm[i as usize];
         self.open_mm = edges.open.iter().map(|edge| edge.map(at)).collect();
         (self.closed, self.part) = (edges.closed, edges.part);
-        // Turned outward, as in loading, so that points below a triangle are inside.
+        // Import also turns surfaces outward. Points below a triangle are then inside.
         if self.closed && self.mesh.signed_volume_mm3() < 0.0 {
             self.inverted = true;
             self.mesh.flip();

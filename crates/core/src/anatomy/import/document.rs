@@ -35,7 +35,7 @@ impl File {
         Ok(Self { path: path.to_owned(), document, buffers })
     }
 
-    /// Format error of this file.
+    /// Format error with this file's path.
     pub(super) fn format_error(&self, reason: impl Into<String>) -> SceneError {
         SceneError::Format { path: self.path.clone(), reason: reason.into() }
     }

@@ -95,10 +95,10 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
     without.min(with)
 }
 
-/// Volume below which an inward part is not reported, relative to the surface's volume.
+/// Volume below which an inward part is not reported, as a fraction of the surface's volume.
 const FRAGMENT: f64 = 1e-4;
 
-/// Largest number of parts of a surface that is checked: each part is compared with all others.
+/// Largest number of parts for the check of inward parts, which compares each part with all others.
 const PARTS_MAX: usize = 1000;
 
 /// Finding about parts of a closed mesh that face inward and lie outside the bounds of every outward part. A cavity

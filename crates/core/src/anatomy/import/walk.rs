@@ -11,7 +11,7 @@ use super::document::File;
 use super::{Finding, FindingKind};
 use crate::anatomy::SceneError;
 
-/// Largest accepted deviation from 1 of the norm of a node's quaternion.
+/// Tolerance for the norm of a node's quaternion: largest accepted deviation from 1.
 const ROTATION_NORM_TOLERANCE: f64 = 1e-2;
 
 /// A triangle primitive of a node.

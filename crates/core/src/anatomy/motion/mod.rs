@@ -128,7 +128,7 @@ impl Motion {
         self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
     }
 
-    /// Bit set of those fields of the bit set `mask` that ever move the point whose rest position is `p`.
+    /// Bit set of the fields in `mask` that ever move the point with the rest position `p`.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
         // Two pairs of amounts suffice: a field fades out in space, so every amount moves the same points.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
@@ -144,7 +144,7 @@ impl Motion {
         self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
     }
 
-    /// Position of the point whose rest position is `p`, moved by the fields of the bit set `mask`.
+    /// Current position of the point with the rest position `p`, moved by the fields in the bit set `mask`.
     pub(super) fn moved(&self, p: Vec3, mask: u32, amounts: &[[f32; 2]]) -> Vec3 {
         let mut moved = p;
         for (i, field) in self.fields.iter().enumerate() {

@@ -64,8 +64,8 @@ fn smooth_step(low: f32, high: f32, x: f32) -> f32 {
 }
 
 impl Shape {
-    /// Position of the point whose rest position is `p`, at these amounts of movement. If both are 0, it is exactly
-    /// `p`.
+    /// Current position of the point with the rest position `p`, at these amounts of movement; exactly `p` if both
+    /// amounts are 0.
     pub fn moved(&self, p: Vec3, amounts: [f32; 2]) -> Vec3 {
         if amounts == [0.0; 2] {
             return p;

@@ -2,7 +2,7 @@
 //!
 //! [`check_organs`] compares the organs of a patient with `assets/organs.toml` and with a list of relations such as
 //! "the spleen lies to the left of the liver". A finding is impossible or unlikely. Children and disease cause
-//! unlikely findings at most. An organ that the scan cuts is never too small.
+//! unlikely findings at most. An organ that the scan cuts off never counts as too small.
 
 mod fact;
 mod relations;
@@ -66,14 +66,14 @@ const FRAGMENT_SHARE: f64 = 0.1;
 const FRAGMENT_ML: f64 = 0.2;
 
 /// The unit of length counts as wrong if every organ is below this fraction of its smallest usual volume. The second
-/// fraction applies if at least `SEVERAL` organs, and at least the fraction `MOST` of all, are below it: no newborn and
-/// no disease has so many organs that small.
+/// fraction suffices for at least `SEVERAL` organs that are at least the fraction `MOST` of all. Neither newborns nor
+/// disease have so many organs that small.
 const OTHER_UNIT_SHARE: f64 = 0.05;
 const OTHER_UNIT_SHARE_OF_SEVERAL: f64 = 0.33;
 const SEVERAL: usize = 3;
 const MOST: f64 = 0.75;
 
-/// Smallest usual volume that an organ must have to give evidence on the unit, ml. Hollow organs may be empty.
+/// Smallest usual volume, ml, of the organs that give evidence on the unit. Smaller organs may be hollow and empty.
 const TELLING_ML: f64 = 10.0;
 
 /// Findings about the organs of one patient, impossible ones first.
@@ -134,8 +134,8 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
 }
 
 /// Finding about a wrong unit of length: two or more whole organs, all or most of them many times too small, and no
-/// other organ of usual size. Small organs such as the gallbladder are ignored: a full one in a wrong unit looks like
-/// an empty one.
+/// other organ of usual size. Small organs are ignored: a full gallbladder in a wrong unit looks like an empty
+/// gallbladder.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     let is_usual = |fact: &OrganFact, range: &Range| {
         let [least, _] = range.usual_ml;

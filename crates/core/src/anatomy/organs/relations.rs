@@ -26,7 +26,7 @@ impl Direction {
         }
     }
 
-    /// Words for a position in this direction, and for a position in the opposite direction.
+    /// Wording of a position in this direction, and wording of a position in the opposite direction.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Left => ["to the left of", "to the right of"],
@@ -130,8 +130,8 @@ const RELATIONS: [(Group, Direction, Group, f64, u32); 53] = [
 /// Smallest distance between a left and a right organ along the left-right axis that counts as evidence, mm.
 const PAIR_MM: f64 = 10.0;
 
-/// Sections of the spine: first letter of their vertebrae, and number of vertebrae above. Then the smallest difference
-/// in height that counts as evidence, mm.
+/// Sections of the spine: first letter of their vertebrae, and number of vertebrae above the section. The second
+/// constant is the smallest difference in height that counts as evidence, mm.
 const VERTEBRAE: [(char, u32); 4] = [('c', 0), ('t', 7), ('l', 19), ('s', 24)];
 const VERTEBRAE_MM: f64 = 10.0;
 

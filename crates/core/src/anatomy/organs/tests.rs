@@ -108,7 +108,7 @@ fn fragments_next_to_a_cut_bone_of_usual_size_do_not_tell_the_unit() {
 
 #[test]
 fn several_organs_that_are_all_several_times_too_small_are_not_a_human() {
-    // Voxels of 3 mm that were read as 1 mm. The bladder was full.
+    // Organs segmented from voxels of 3 mm that were read as 1 mm; the bladder was full.
     let shrunk = |only: &dyn Fn(&str) -> bool| -> Vec<OrganFact> {
         let kept = adult().into_iter().filter(|fact| only(&fact.name));
         kept.map(|fact| OrganFact { volume_ml: fact.volume_ml / 27.0, ..fact }).collect()

@@ -90,7 +90,7 @@ pub fn read_planes(scene: &Path) -> Result<StandardPlanes, PlanesError> {
 }
 
 impl StandardPlanes {
-    /// Parses the text of a planes file; errors name it `path`.
+    /// Parses the text of a planes file. Errors give the file's path as `path`.
     ///
     /// Directions are made exactly orthonormal.
     ///

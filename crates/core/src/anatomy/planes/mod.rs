@@ -110,8 +110,8 @@ pub struct PlaneLandmark {
     pub name: String,
     /// Position, mm.
     pub position_mm: DVec3,
-    /// Largest distance from the image plane at which the point counts as visible, mm. If `None`, it need only be
-    /// within the image's sector.
+    /// Largest distance from the image plane at which the point counts as visible, mm. If `None`, any
+    /// point within the image's sector is accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
 }
@@ -131,7 +131,7 @@ pub struct Caliper {
     /// Name of the glTF node whose border is measured.
     pub surface: String,
     /// Name of the surface measured at the end far from the probe; `None` if it is `surface`. For an outer-to-inner
-    /// diameter of a skull, it is the inside of the skull.
+    /// diameter of a skull, the far surface is the inside of the skull.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_surface: Option<String>,
     /// Largest distance between the caliper and the border that it measures, mm.

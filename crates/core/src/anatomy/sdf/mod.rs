@@ -20,7 +20,7 @@ pub use primitives::{half_space, plate, sphere};
 pub use sweep::smooth_sweep;
 pub use sweep::{catmull_rom, sweep};
 
-/// Border of the inside by `steps` bisections between the values `inside` and `outside`: the last value found inside.
+/// Border between `inside` and `outside`, found by `steps` bisections; returns the last value that is inside.
 pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
     let (mut inside, mut outside) = (inside, outside);
     for _ in 0..steps {
@@ -41,7 +41,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// Solid of the points at which `field` is negative; all are inside `bounds`.
+    /// Solid of the points at which `field` is negative; `bounds` must contain all of them.
     pub fn new(bounds: Bounds, field: impl Fn(Vec3) -> f32 + Send + Sync + 'static) -> Self {
         Self { field: Arc::new(field), bounds }
     }
