@@ -18,7 +18,7 @@ pub struct FileError {
 }
 
 impl FileError {
-    /// Function that makes an I/O error a `FileError` with the action `doing` and `path`.
+    /// Function that converts an I/O error into a `FileError` with the action `doing` and the path `path`.
     pub fn at(doing: &'static str, path: &Path) -> impl Fn(io::Error) -> Self + Copy {
         move |source| Self { path: path.to_owned(), doing, source }
     }

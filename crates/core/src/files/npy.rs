@@ -10,7 +10,7 @@ const HEAD_BYTES_MAX: usize = 1 << 20;
 /// Largest number of opening brackets in a header.
 const BRACKETS_MAX: usize = 256;
 
-/// The array in `bytes`, whose header announces no more values than there are bytes.
+/// Parses the array in `bytes`. Its header must not announce more values than there are bytes.
 ///
 /// # Errors
 /// Bytes that are not an array, a header that ends beyond them or is longer than 1 MiB, and a shape with more values

@@ -36,8 +36,8 @@ fn known(start: &[u8], path: &Path) -> Option<Known> {
     }
 }
 
-/// Refuses a file that is recognised as another kind than the expected `kind`. Some expected kinds are exempt, since
-/// their own form is recognisable.
+/// Refuses a file that is recognised as another kind than the expected `kind`. Only text files and scenes are
+/// checked; the readers of other kinds recognise their own formats.
 ///
 /// # Errors
 /// A file of another kind; the error names that kind.

@@ -82,14 +82,14 @@ impl Outputs {
         Self::default().and(inputs)
     }
 
-    /// Adds inputs.
+    /// Adds further inputs.
     pub fn and<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
         self.inputs.extend(inputs.into_iter().map(|path| FileIdentity::of(path.as_ref())));
         self
     }
 
-    /// Checks the file `path` of `option`. It is to be written under another name and then renamed; an existing one is
-    /// replaced only if `force` is set.
+    /// Checks the output `path` of `option`. The output is written under another name and then renamed. It replaces an
+    /// existing file only if `force` is set.
     pub fn file(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         if path.exists() && !force {
             return self.replaced(option, path).and_then(|_| Err(OutputError::Exists { path: path.to_owned() }));
@@ -97,7 +97,7 @@ impl Outputs {
         self.replaced(option, path)
     }
 
-    /// Checks a file like [`file`](Self::file), but one that every run replaces.
+    /// Checks an output that every run replaces, otherwise like [`file`](Self::file).
     pub fn replaced(self, option: &str, path: &Path) -> Result<Self, OutputError> {
         if path.exists() && !path.is_file() && !path.is_dir() {
             return Err(OutputError::Device { option: option.to_owned(), path: path.to_owned() });
@@ -105,7 +105,7 @@ impl Outputs {
         self.checked(option, path)
     }
 
-    /// Checks a file like [`file`](Self::file), but one that is written directly: it may be a device or a pipe.
+    /// Checks an output that is written directly, otherwise like [`file`](Self::file): it may be a device or a pipe.
     pub fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         // A redirected /dev/stdout counts as a regular file, too.
         let regular = path.is_file() && !path.starts_with("/dev");
@@ -143,7 +143,7 @@ impl Outputs {
             return Err(OutputError::NoDirectory { option: option.to_owned(), path: above.to_owned() });
         }
         let file = FileIdentity::of(path);
-        // An unfinished recording is renamed before a new one is written, so no input may be its file.
+        // An unfinished recording is renamed before a new one is written, so an input must not have that file name.
         let part = FileIdentity::of(&PartFile::appended(path).part);
         if self.inputs.iter().any(|input| input.is(&file) || input.is(&part)) {
             return Err(OutputError::Read { option: option.to_owned(), path: path.to_owned() });
