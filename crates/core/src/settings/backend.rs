@@ -69,7 +69,7 @@ settings! {
     /// The `[render]` of a station.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub struct BackendSettings in "render" {
-        /// Backend that renders frames: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it.
+        /// GPU or software Vulkan (device), CPU (host), GPU else CPU (auto); INSONIFY_BACKEND, --backend override it.
         backend: BackendChoice = BackendChoice::Auto, "", BackendChoice::RANGE, Everything;
     }
 }

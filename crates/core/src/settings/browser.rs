@@ -11,21 +11,21 @@ settings! {
     /// The `[browser]` of a station.
     #[derive(Debug, Clone, PartialEq, Eq)]
     pub struct BrowserSettings in "browser" {
-        /// Its port; 0 takes any free one.
+        /// Port of the server; 0 takes any free port.
         port: u16 = 8790, "", 0.0..=65_535.0, Everything;
 
-        /// Pages that may watch at a time.
+        /// Largest number of pages that watch at the same time.
         clients_max: u32 = 8, "", 1.0..=64.0, Everything;
     }
     plain {
-        /// Address to listen at. Beyond loopback a token is demanded.
+        /// Address at which the server listens. Addresses other than loopback require a token.
         address: IpAddr = Ipv4Addr::LOCALHOST.into(), Everything;
-        /// Token to demand, at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`; none: a random one for
-        /// each session where the address is not loopback.
+        /// Token that pages must present: at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`. If
+        /// `None`, each session has a random token, unless the address is loopback.
         token: Option<String> = None, Everything;
         /// Name under which browsers reach the station, in addition to its addresses.
         host_name: Option<String> = None, Everything;
-        /// Further addresses of the page: of an HTTPS proxy, or under other names.
+        /// Further origins of the page, for example of an HTTPS proxy.
         origins: Vec<Origin> = Vec::new(), Everything;
     }
 }

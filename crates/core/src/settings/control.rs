@@ -1,4 +1,4 @@
-//! Controls: requests to a running session by those who watch it.
+//! Controls: requests of a running session's watchers.
 
 use serde::{Deserialize, Serialize};
 

@@ -48,7 +48,7 @@ effects! {
     Attenuation = "attenuation";
     /// Attenuation proportional to a power of the frequency other than 1.
     FrequencyExponent = "frequency_exponent";
-    /// Shadows as a focused aperture sees them: it looks past small obstacles. Off: each path by itself.
+    /// Shadows of a focused aperture, which sees past small obstacles; off: the loss of each path by itself.
     Aperture = "aperture";
     /// Speckle.
     Scatterers = "scatterers";
@@ -62,13 +62,13 @@ effects! {
     Noise = "noise";
     /// Relative motion of parts, and drift of the whole scene.
     Motion = "motion";
-    /// Segmentation and attenuation beside the image; auto: if a sink or a generator reads them.
+    /// Maps of segmentation and attenuation; auto: if a sink or a generator reads them.
     Maps = "maps";
 }
 
 impl Effect {
-    /// Effects of a body in air and of a scanner's receiver; scenes of specimens have them only if the station switches
-    /// them on.
+    /// Effects of a body in air and of a scanner's receiver. In scenes of specimens, they are off unless the station
+    /// switches them on.
     pub const OF_BODIES: [Self; 4] = [Self::Contact, Self::Texture, Self::Clutter, Self::Noise];
 
     /// Documentation of the effect: one sentence.

@@ -12,16 +12,16 @@ settings! {
         /// Cutoff of the position's One-Euro filter at rest; lower is steadier and lags more.
         min_cutoff_hz: f64 = 1.0, "Hz", 0.01..=1000.0, Everything;
 
-        /// Addition to that cutoff per speed; higher lags less.
+        /// Rise of the position's cutoff with speed; higher lags less.
         beta: f64 = 0.5, "Hz per mm/s", 0.0..=100.0, Everything;
 
         /// Cutoff of the rotation's filter at rest.
         rotation_min_cutoff_hz: f64 = 1.0, "Hz", 0.01..=1000.0, Everything;
 
-        /// Addition to that cutoff per angular speed.
+        /// Rise of the rotation's cutoff with angular speed; higher lags less.
         rotation_beta: f64 = 0.5, "Hz per degree/s", 0.0..=100.0, Everything;
 
-        /// Cutoff of the low-pass filters of both speeds.
+        /// Cutoff of the low-pass filters of speed and angular speed.
         speed_cutoff_hz: f64 = 1.5, "Hz", 0.01..=1000.0, Everything;
 
         /// Longest prediction towards the time of display; 0 disables prediction.
@@ -49,7 +49,7 @@ settings! {
         /// Speed at full deflection of a device that sends rates (SpaceMouse).
         puck_mm_s: f64 = 80.0, "mm/s", 0.0..=10_000.0, Everything;
 
-        /// Angular speed at full deflection of such a device.
+        /// Angular speed at full deflection of a device that sends rates (SpaceMouse).
         puck_deg_s: f64 = 45.0, "degrees/s", 0.0..=10_000.0, Everything;
     }
 }

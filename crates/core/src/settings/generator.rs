@@ -15,16 +15,16 @@ settings! {
         /// Whether generators run at all.
         enabled: bool = true, "", 0.0..=1.0, Everything;
 
-        /// Threads of one run; 0 is one per processor.
+        /// Number of threads of a run; 0: one per processor.
         threads: u32 = 0, "", 0.0..=256.0, Everything;
 
-        /// Time that one run may take. Default: `quality.frame_budget_ms`, if given.
+        /// Time limit of a run. Default: `quality.frame_budget_ms`, if given.
         run_budget_ms: f64 = 50.0, "ms", RUN_BUDGET_MIN_MS..=RUN_BUDGET_MAX_MS, Everything;
 
-        /// Execution provider; one that is not available is an error.
+        /// Execution provider of the models; an unavailable provider is an error.
         provider: Provider = Provider::Cpu, "", Provider::RANGE, Everything;
 
-        /// Precision of the models: int8 or float16 where it is quicker and available (auto), or the one that is named.
+        /// Precision of the models; auto: int8 or float16 where available and faster.
         precision: Precision = Precision::Auto, "", Precision::RANGE, Everything;
     }
     plain {

@@ -55,7 +55,7 @@ const fn control(label: &'static str, caption: &'static str, slider: Option<Slid
     LiveControl { label, caption, slider, unit: None, scale: 1.0, digits: 0, keys: Vec::new() }
 }
 
-/// Control with a slider in a section of the page, from one end to the other in steps of `step`.
+/// Control with a slider in a section of the page. The slider has the limits `ends` and the step `step`.
 pub(super) const fn slider(
     label: &'static str,
     section: &'static str,

@@ -40,16 +40,16 @@ stored_word!(LookPreset);
 pub const ANGLES_MAX: u32 = 15;
 
 settings! {
-    /// The look by name in `[look]`.
+    /// Preset of the post-processing, by its name in `[look]`.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct LookBase in "look" {
-        /// Look by name; other keys of the table change it.
+        /// Preset of the post-processing; other keys of the table override its values.
         preset: LookPreset = LookPreset::Raw, "", LookPreset::RANGE, Nothing;
     }
 }
 
 settings! {
-    /// The `[look]` of a station: from lines to the display.
+    /// The `[look]` of a station: post-processing from lines to the display.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct LookSettings in "look" {
         /// Steering angles of spatial compounding, rounded down to an odd number; 1: none. Not for phased arrays.
@@ -59,10 +59,10 @@ settings! {
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
-        /// Whether the earlier frames of a live compounded picture are brought to the present pose.
+        /// Whether earlier frames of a live compounded picture are registered to the present pose.
         registration: bool = true, "", 0.0..=1.0, Nothing, hidden("Registration");
 
-        /// Displacement of the probe, if registered across its slice, beyond which earlier live frames are left out, at any depth.
+        /// Probe displacement (with registration: across the slice only) beyond which earlier live frames are left out.
         reach_mm: f64 = 4.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
 
         /// Weight of the running mean in each new picture; 0: no persistence.

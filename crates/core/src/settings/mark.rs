@@ -33,11 +33,11 @@ pub struct Mark {
     pub sampled_ms: f64,
     /// `scene_from_probe` of the frame: x, y, z in mm, qw, qx, qy, qz; `None` if it had no pose.
     pub pose: Option<[f64; 7]>,
-    /// What the mark shows.
+    /// Content of the mark.
     pub content: MarkContent,
 }
 
-/// What a mark shows.
+/// Content of a mark.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum MarkContent {

@@ -6,13 +6,13 @@ settings! {
     /// Conditions for showing generated pictures.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct ChoiceSettings in "pipeline" {
-        /// Largest distance from the last generated frame's pose at which that frame is held.
+        /// Largest distance from the last generated frame's pose at which that frame stays on display.
         hold_mm: f64 = 0.3, "mm", 0.0..=100.0, Nothing;
 
-        /// Largest angle from the last generated frame's pose at which that frame is held.
+        /// Largest angle from the last generated frame's pose at which that frame stays on display.
         hold_deg: f64 = 0.3, "degrees", 0.0..=180.0, Nothing;
 
-        /// Consecutive frames that the generator must be ready for before its frames are shown.
+        /// Number of consecutive frames for which the generator must be ready before its frames are shown.
         steady_frames: u32 = 8, "", 1.0..=256.0, Nothing;
     }
 }
@@ -30,10 +30,10 @@ settings! {
         /// Duration of a generator run that counts as hanging.
         hang_ms: f64 = 5000.0, "ms", 10.0..=600_000.0, Everything;
 
-        /// Time limit of submitting a frame to a GPU, and of waiting for it; beyond it the GPU counts as lost and is opened again.
+        /// Time limit for a GPU to accept and to complete a frame; a slower GPU counts as lost and is opened again.
         device_hang_ms: f64 = 2000.0, "ms", 100.0..=600_000.0, Everything;
 
-        /// Time in which displays and files must take their last frame at the end; one that is later counts as stuck.
+        /// Time limit for displays and files to take the session's last frame; a slower one counts as stuck.
         finish_ms: f64 = 10_000.0, "ms", 100.0..=600_000.0, Everything;
     }
     nested {

@@ -108,10 +108,10 @@ settings! {
                 // The depth is never less than the depth scale can show.
                 .key_until("PageUp", "Page up", "shallower", -10.0, 10.0);
 
-        /// Scanlines.
+        /// Number of scanlines.
         scanlines: u32 = 256, "", 1.0..=1024.0, Everything;
 
-        /// Complex baseband samples per scanline.
+        /// Number of complex baseband samples per scanline.
         samples: u32 = 3072, "", 1.0..=8192.0, Everything;
 
         /// Depth of the transmit focus.
@@ -121,14 +121,14 @@ settings! {
                 .key("End", "End", "focus deeper", 5.0)
                 .key("Home", "Home", "focus nearer", -5.0);
 
-        /// Widest active aperture.
+        /// Width of the widest active aperture.
         aperture_mm: f64 = 20.0, "mm", 0.5..=200.0, Tables;
 
-        /// Weights across the aperture and across the elevational lens, on both ways.
+        /// Weights across the aperture and across the elevational lens, in transmission and reception.
         apodization: Apodization = Apodization::Gaussian, "", Apodization::RANGE, Tables,
             choice("Apodization", "image", Apodization::NAMES).caption("");
 
-        /// Tissue harmonics: returns at twice the frequency.
+        /// Tissue harmonics: reception at twice the transmitted frequency.
         harmonics: bool = false, "", 0.0..=1.0, Tables, toggle("Harmonics").key("n", "N", "harmonics on, off", 1.0);
 
         /// Height of the elevational lens.
@@ -138,7 +138,7 @@ settings! {
         elevational_focus_mm: f64 = 70.0, "mm", 1.0..=1000.0, Tables;
     }
     nested {
-        /// Face.
+        /// Shape of the face.
         #[serde(flatten)]
         kind: ProbeKind,
     }

@@ -16,10 +16,10 @@ settings! {
     /// Number of paths, and their random seed.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
     pub struct Quality in "quality" {
-        /// Rays per scanline and layer.
+        /// Number of rays per scanline and layer.
         rays: u32 = 1, "", 1.0..=256.0, Everything, hidden("Rays");
 
-        /// Elevational layers.
+        /// Number of elevational layers.
         layers: u32 = 1, "", 1.0..=33.0, Everything, hidden("Layers");
 
         /// Seed of every random choice.
@@ -47,13 +47,13 @@ settings! {
     /// All settings of a renderer except scene and probe. Serializes as the `[quality]` of a station.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct RenderSettings in "quality" {
-        /// Most reflections of a path; at 0 no mirror image or reverberation forms.
+        /// Largest number of reflections of a path; 0: no mirror images or reverberation.
         reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
 
-        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, with narrower speckle.
+        /// Largest number of taps of the lateral beam, rounded down to odd; a wider beam is cut, with narrower speckle.
         beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
 
-        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, with shorter speckle.
+        /// Largest number of taps of the pulse, rounded down to odd; a longer pulse is cut, with shorter speckle.
         pulse_taps_max: u32 = PULSE_TAPS_MAX, "", 3.0..=f64::from(PULSE_TAPS_MAX), Tables;
     }
     nested {
@@ -69,7 +69,7 @@ settings! {
         /// Additions of the receiver: noise, clutter, reverberation.
         #[serde(skip)]
         receiver: ReceiverSettings,
-        /// From lines to the display.
+        /// Post-processing from lines to the display.
         #[serde(skip)]
         look: LookSettings,
     }
@@ -77,7 +77,7 @@ settings! {
         /// Whether frames carry the complex baseband lines.
         #[serde(skip)]
         lines: bool = false, Everything;
-        /// Whether frames carry segmentation and attenuation; without them frames are faster. The image is the same, on a GPU up to rounding.
+        /// Whether frames carry segmentation and attenuation maps. Without them, frames are faster; images are equal.
         #[serde(skip)]
         maps: bool = true, Nothing;
         /// Choices for effects, which override the plan.

@@ -88,7 +88,7 @@ settings! {
     /// Settings of `[scene]`, in addition to its files.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct SceneSettings in "scene" {
-        /// Triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused.
+        /// Number of triangles relative to the full phantom; refused below about 0.24, where the finest parts are lost.
         phantom_scale: f64 = 1.0, "", SCALE_RANGE, Everything;
 
         /// Gestational age of the phantom's fetus.
@@ -97,10 +97,10 @@ settings! {
         /// Lie of the fetus: head down, head up, or across.
         phantom_lie: Lie = Lie::Cephalic, "", Lie::RANGE, Everything;
 
-        /// Turn of the fetus about its long axis from where its left side is up.
+        /// Roll of the fetus about its long axis; at 0, its left side is up.
         phantom_roll_deg: f64 = 0.0, "°", ROLL_RANGE_DEG, Everything;
 
-        /// 0 is stretched, 1 tightly curled.
+        /// Flexion of the fetus: 0 is stretched, 1 tightly curled.
         phantom_flexion: f64 = 0.5, "", FLEXION_RANGE, Everything;
 
         /// Site of the placenta on the uterine wall.
@@ -109,16 +109,16 @@ settings! {
         /// Amniotic fluid index, from oligohydramnios to polyhydramnios.
         phantom_fluid_index_mm: f64 = 140.0, "mm", FLUID_INDEX_RANGE_MM, Everything;
 
-        /// Aberration of the abdominal wall: 13, 45 or 71 ns rms over 30 mm of aperture in the median.
+        /// Class of the abdominal wall by its aberration: median RMS delay of 13, 45 or 71 ns over 30 mm of aperture.
         phantom_wall: Wall = Wall::Easy, "", Wall::RANGE, Everything;
 
-        /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.
+        /// Whether fat fills the gap between the rectus muscles: a lens that doubles the image behind the midline.
         phantom_recti_lens: bool = false, "", 0.0..=1.0, Everything;
 
-        /// Seed of what differs from one individual to the next.
+        /// Seed of the differences between individuals.
         phantom_seed: u32 = 0, "", 0.0..=4_294_967_295.0, Everything;
 
-        /// Whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest.
+        /// Whether hearts, breathing and limbs move; a single frame shows time 0, at rest.
         motion: bool = true, "", 0.0..=1.0, Everything;
     }
 }

@@ -101,7 +101,7 @@ pub enum SettingsError {
         /// Values or range that the page offers.
         offered: String,
     },
-    /// A key that is not a live setting's.
+    /// A key that belongs to no live setting.
     #[error("`{key}` is no live setting; they are {known}")]
     NotLive {
         /// Key found.

@@ -36,7 +36,7 @@ settings! {
     /// Settings of `[tracker]`, in addition to its transport.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct TrackerSettings in "tracker" {
-        /// Silence after which the tracker is started anew.
+        /// Duration of silence after which the tracker is restarted.
         silence_ms: f64 = 2000.0, "ms", 10.0..=600_000.0, Everything;
 
         /// Time that a Polhemus device takes to start after a reset.
@@ -45,16 +45,16 @@ settings! {
         /// Whether an NDI tool outside of the characterised volume still gives poses.
         ndi_out_of_volume: bool = true, "", 0.0..=1.0, Everything;
 
-        /// What an NDI device is asked for: binary replies, or text, the only ones that older devices know.
+        /// Format of replies requested from an NDI device: binary, or text, the only format of older devices.
         ndi_reply: ReplyFormat = ReplyFormat::Binary, "", ReplyFormat::RANGE, Everything;
 
         /// Report value of a SpaceMouse at full deflection; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there.
         puck_range: f64 = PUCK_RANGE, "", 1.0..=32_767.0, Everything;
 
-        /// Playback speed over the recorded one; 0: as fast as the session takes it.
+        /// Playback speed relative to the recording; 0: as fast as the session takes measurements.
         speed: f64 = 1.0, "", 0.0..=1000.0, Everything;
 
-        /// Whether the recording begins anew at its end.
+        /// Whether playback restarts at the end of the recording.
         repeat: Repeat = Repeat::No, "", Repeat::RANGE, Everything;
     }
 }
