@@ -20,7 +20,7 @@ const HISTORY: usize = 64;
 /// Gap between measurements after which the filter restarts, s.
 const FILTER_GAP_S: f64 = 0.5;
 
-/// Largest decrease of `now` between two samples, ns, that does not yet mean that the clock was set back.
+/// Largest decrease of `now` between two samples that counts as jitter, ns. A larger one means a clock set back.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
 /// Estimate of the probe's pose at a display time. It accompanies its frame from rendering to display.
@@ -43,7 +43,7 @@ pub struct Estimate {
     pub speed: Option<Speed>,
 }
 
-/// A displacement farther than a hand moves in the time, confirmed by a second measurement.
+/// A displacement farther than a hand moves in the elapsed time, confirmed by a second measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Jump {
     /// Number of the jump in the session, from 1.

@@ -17,7 +17,7 @@ pub struct TimedPose {
 /// rotation.
 ///
 /// `poses` must ascend in host time; among poses of equal time, the last is used. `None` outside the time range of
-/// `poses`, and within a gap longer than `gap_limit_ns`, where the probe's motion is unknown.
+/// `poses`. `None` also within a gap longer than `gap_limit_ns`, where the probe's motion is unknown.
 pub fn interpolate(poses: &[TimedPose], host_time_ns: u64, gap_limit_ns: u64) -> Option<Pose> {
     let after = poses.partition_point(|p| p.host_time_ns <= host_time_ns);
     let before = poses.get(after.checked_sub(1)?)?;

@@ -11,9 +11,9 @@ const LEAST_S: f64 = 0.01;
 pub enum Gate {
     /// Within a hand's reach of the last pose.
     Passed,
-    /// Out of a hand's reach; it is held back, and the next pose decides.
+    /// Out of a hand's reach; the pose is held back until the next pose decides.
     Spike,
-    /// Out of a hand's reach, but near the pose held back before.
+    /// Out of a hand's reach from the last pose, but near the pose that was held back: the jump is confirmed.
     Jumped,
 }
 

@@ -59,10 +59,10 @@ pub enum LandmarkError {
     },
 }
 
-/// Mean tip position over the first poses in which the tip is still. The poses are `tracker_from_sensor` of the stylus.
+/// Mean tip position over the first poses in which the tip is still. Poses are `tracker_from_sensor` of the stylus.
 ///
-/// The poses may come from a live tracker or a recording; no more are taken than needed. `tip_mm` is in the sensor's
-/// frame.
+/// The poses may come from a live tracker or a recording; only as many as needed are taken. `tip_mm` is in the
+/// sensor's frame.
 ///
 /// # Errors
 /// The poses end, or [`StillSettings::poses_max`] is reached, before the tip is still.

@@ -3,19 +3,19 @@
 use super::csv::Named;
 use super::registration::{PointPair, rms_of_fit};
 
-/// Smallest number of landmarks among which an exchange can be found. Among four, exchanging the other two fits equally
-/// well.
+/// Smallest number of landmarks among which an exchange can be found. Among four landmarks, exchanging the other two
+/// fits equally well.
 const EXCHANGE_FROM: usize = 5;
 
-/// Smallest number of landmarks among which a single wrong one can be found: the others must be more than the three
-/// that a fit needs.
+/// Smallest number of landmarks among which a single wrong one can be found: without it, there must be more than the
+/// three that a fit needs.
 const SINGLE_FROM: usize = 5;
 
-/// An explanation must reduce the RMS residual to less than this fraction of it, and by more than this many mm.
+/// Limits of an explanation's RMS residual: this fraction of the unexplained residual, and this many mm below it.
 const EXPLAINS: (f64, f64) = (0.4, 2.0);
 
-/// Further explanations are named if their RMS residual is less than this factor times that of the best one, plus this
-/// many mm.
+/// Limit up to which further explanations are named: this factor times the RMS residual of the best explanation, plus
+/// this many mm.
 const AS_GOOD: (f64, f64) = (1.5, 1.0);
 
 /// Distance of two landmarks in the scene, mm, above which the user can't mistake one for the other.
@@ -102,7 +102,7 @@ fn same(pairs: &[PointPair]) -> Option<MixUp> {
         for (b, second) in pairs.iter().enumerate().skip(a + 1) {
             let scene_mm = first.scene_mm.distance(second.scene_mm);
             let touched_mm = first.tracker_mm.distance(second.tracker_mm);
-            // Not if all touches are close together, since a wrong unit causes that.
+            // Touches that are all close together are due to a wrong unit, not to a mix-up.
             let is_unit = pairs.len() > 2 && pairs.iter().all(|p| p.tracker_mm.distance(first.tracker_mm) < APART_MM);
             if scene_mm > APART_MM && touched_mm < TOGETHER_MM && !is_unit {
                 return Some(MixUp::Same { pair: [a, b], touched_mm, scene_mm });

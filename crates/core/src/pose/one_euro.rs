@@ -77,8 +77,8 @@ impl OneEuro {
     }
 }
 
-/// Weight of the new value in a first-order low-pass filter of cutoff f = `cutoff_hz` after dt = `dt_s`: α = 1/(1 +
-/// τ/dt) with τ = 1/(2πf).
+/// Weight α of the new value in a first-order low-pass filter: α = 1/(1 + τ/dt), τ = 1/(2πf), with the cutoff f =
+/// `cutoff_hz` and the time step dt = `dt_s`.
 pub(crate) fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)

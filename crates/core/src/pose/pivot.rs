@@ -70,11 +70,11 @@ const MISREADINGS: [(&str, Rewrite); 3] = [
     ("with the opposite turn (conjugate: negate qx, qy and qz)", |q| q.conjugate()),
 ];
 
-/// Undoing a misreading must reduce the RMS residual to less than this fraction of it, and below this many mm.
+/// Limits of the RMS residual once a misreading is undone: this fraction of the original residual, and this many mm.
 const MISREAD: (f64, f64) = (0.3, 3.0);
 
-/// Finds the misreading of the quaternions without which the seemingly moving tip rests. Returns it in words; `None` if
-/// no misreading explains the movement.
+/// Finds the misreading of the quaternions that explains a moving tip: with the misreading undone, the tip rests.
+/// Returns it in words; `None` if no misreading explains the movement.
 pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
     let rms_mm = |poses: &[Pose]| calibrate(poses).map_or(f64::INFINITY, |found| found.rms_mm);
     let limit_mm = MISREAD.1.min(MISREAD.0 * rms_mm(tracker_from_sensor));

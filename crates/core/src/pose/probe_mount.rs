@@ -53,8 +53,8 @@ const WOBBLE_DEG: f64 = 8.0;
 /// not about the probe's long axis.
 const LONG_AXIS: f64 = 0.7;
 
-/// Smallest distance between sensor and face along the axis of the turn at which it determines the sense of the beam:
-/// in mm, and as a fraction of the total distance. It is needed if the face has no arc.
+/// Smallest distance between sensor and face along the axis of the turn that determines the beam's sense: in mm, and
+/// as a fraction of the total distance. It is used for faces without an arc.
 const SENSE: (f64, f64) = (5.0, 0.5);
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
@@ -205,8 +205,8 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     })
 }
 
-/// Checks the recorded ends of the face against `pivot`, in whose dimple they were rested: the end at the marker and,
-/// if recorded, the other one.
+/// Checks the recorded ends of the face (the end at the marker and, if recorded, the other one) against `pivot`, in
+/// whose dimple they were rested.
 ///
 /// # Errors
 /// An end that was not in the dimple, ends at an impossible distance, or a centre that is not in the middle.

@@ -18,7 +18,7 @@ impl PoseRing {
         Self { poses: VecDeque::with_capacity(capacity), capacity }
     }
 
-    /// Appends a pose. One that is not later than the newest starts a new history.
+    /// Appends a pose. A pose that is not later than the newest starts a new history.
     pub(crate) fn push(&mut self, pose: TimedPose) {
         if self.poses.back().is_some_and(|newest| pose.host_time_ns <= newest.host_time_ns) {
             self.poses.clear();
@@ -39,7 +39,7 @@ impl PoseRing {
         self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
     }
 
-    /// Pose at `host_time_ns` by [`interpolate`]; before the oldest pose, the oldest one. `None` after the newest pose
+    /// Pose at `host_time_ns` by [`interpolate`]; before the history, its oldest pose. `None` after the newest pose
     /// and in an empty history.
     pub(crate) fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
         let poses: &[TimedPose] = self.poses.make_contiguous();

@@ -48,7 +48,7 @@ pub enum StreamPosition {
 #[derive(Debug, Clone, Default)]
 pub struct StreamOrder {
     last: Option<Stamp>,
-    /// Last late measurement, and the number of successively later ones up to it.
+    /// Last late measurement, and the length of the ascending run of late measurements that it ends.
     late: Option<(Stamp, u32)>,
 }
 

@@ -31,8 +31,8 @@ impl TrackingState {
     }
 }
 
-/// Number of consecutive measurements without a gap after which a pose is good again: at the edge of the field of view,
-/// single measurements may come and go.
+/// Number of consecutive measurements without a gap after which a pose is good again. At the edge of the field of
+/// view, single measurements may come and go.
 const GOOD_RUN: u32 = 3;
 
 /// Derives the tracking state from the age of the last measurement.

@@ -104,7 +104,7 @@ impl Layout {
         self.name.and_then(|at| row.get(at)).map(String::as_str).filter(|name| !name.is_empty())
     }
 
-    /// Whether the column `status` says that a row has a pose.
+    /// Whether the row has a pose, by its `status`; true without such a column.
     fn has_pose(&self, row: &[String]) -> Result<bool, TableFault> {
         match self.status.map_or("", |at| field(row, at)) {
             "" | "ok" | "OK" => Ok(true),
@@ -113,8 +113,8 @@ impl Layout {
         }
     }
 
-    /// Pose of a row, mm; `None` if it has none. That is the case if its `status` says so, or if all its numbers are
-    /// empty, NaN or 0: trackers write such rows while they don't see their tool.
+    /// Pose of a row, mm; `None` if its `status` says so, or if all its numbers are empty, NaN or 0. Trackers write
+    /// such rows while they don't see their tool.
     ///
     /// # Errors
     /// An unknown status, a field that is not a number, an incomplete pose, or numbers that are not a pose.
@@ -193,7 +193,7 @@ fn refused(name: &str, reason: &str) -> TableFault {
     TableFault::Refused { name: quote(name), reason: reason.to_owned() }
 }
 
-/// Fault of a column with the name of a patient's axis, where the other two axes are missing and `own` is a complete
+/// Fault of a column with the name of one patient axis in a table that lacks the other two axes. `own` is a complete
 /// position.
 fn stray(columns: &[Column], own: &Position) -> TableFault {
     let of_patient = columns.iter().find(|c| matches!(c.meaning, Meaning::Length { frame: Frame::Patient, .. }));
