@@ -79,7 +79,7 @@ pub fn prefetch<T: ?Sized>(value: &T) {
     let _ = value;
 }
 
-/// Constant 1.5·2²³. Added to a number below 2²² in magnitude, it leaves the nearest integer in the lowest bits of the
+/// Constant 1.5·2²³. Adding it to a number below 2²² in magnitude leaves the nearest integer in the lowest bits of the
 /// sum.
 pub const TO_INTEGER: f32 = 12_582_912.0;
 
@@ -99,7 +99,7 @@ pub fn floor(x: f32) -> i32 {
 }
 
 /// Largest integer that is not above `x`, for |x| below 2²²: as a float and as the 32 bits of an integer. For an
-/// integer `x`, the result may be one lower.
+/// integer `x`, the result may be `x` − 1.
 #[inline(always)]
 pub fn floored(x: f32) -> (f32, u32) {
     let shifted = (x - 0.5) + TO_INTEGER;
@@ -180,7 +180,7 @@ pub fn exp(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// e^(i2π·turns) as [re, im], for fewer than 2²¹ turns, with an error of 2·10⁻⁷. The shaders' twin of it is
+/// e^(i2π·turns) as [re, im], for fewer than 2²¹ turns, with an error of 2·10⁻⁷. The shaders have the same function in
 /// `crates/render/shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]

@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn a_tilted_probe_touches_with_one_side() {
         let contact = touch(&skin(), &Probe::default(), &at(0.0, 15.0), &ContactSettings::default()).1;
-        // The plane at the foremost point of the face rises by sin 15° per mm: the film reaches 11.6 mm beyond the
+        // The plane at the foremost point of the face rises by sin 15° per mm. The film reaches 11.6 mm beyond the
         // middle of a face 46 mm wide.
         assert!((0.65..0.85).contains(&contact.part), "{}", contact.part);
     }

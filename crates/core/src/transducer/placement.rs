@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::anatomy::Skin;
 use crate::pose::Pose;
 
-/// Depth of the face below the skin beyond which a placement is impossible, mm (assumed): a hand presses less deep.
+/// Depth of the face below the skin beyond which a placement is impossible, mm (assumed limit of a hand's pressure).
 pub const DEPTH_MAX_MM: f64 = 25.0;
 
 /// Duration of a misplacement from which on it is reported: a probe may be turned in the air for a moment.

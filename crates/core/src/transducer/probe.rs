@@ -58,7 +58,7 @@ impl Probe {
     /// Standard deviation of the axial pulse-echo amplitude envelope, mm.
     pub fn axial_sigma_mm(&self) -> f64 {
         let fundamental_mm = pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth);
-        // The square of a Gaussian pulse is shorter by √2; half of the variance of the echo is due to reception.
+        // The square of a Gaussian pulse is shorter by √2. Half of the echo's variance is due to reception.
         if self.harmonics { 0.75_f64.sqrt() * fundamental_mm } else { fundamental_mm }
     }
 
