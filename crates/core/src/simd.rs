@@ -83,8 +83,8 @@ pub fn prefetch<T: ?Sized>(value: &T) {
 /// sum.
 pub const TO_INTEGER: f32 = 12_582_912.0;
 
-/// The integer nearest to `x`, half to even, for `x` in 0..2²². It is in the lowest 22 bits of the result; higher bits
-/// are also set.
+/// The integer nearest to `x`, half to even, for `x` in 0..2²². The lowest 22 bits of the result are the integer;
+/// higher bits are also set.
 #[inline(always)]
 pub fn nearest_bits(x: f32) -> u32 {
     (x + TO_INTEGER).to_bits()

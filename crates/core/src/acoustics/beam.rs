@@ -141,9 +141,9 @@ impl Beam {
 
     /// Element pairs of an aperture `width_mm` wide, focused at `focus_mm`, for points at `depth_mm`.
     ///
-    /// A dynamically focused beam is narrow: distances are exact on the axis and linear in the offset from it. Away
-    /// from its focus, the beam of a lens is as wide as the lens. Its distances are parabolic, which is accurate enough
-    /// for the elements that matter there.
+    /// For dynamic reception, distances are exact on the axis and linear in the offset from it, as the beam is narrow.
+    /// For a lens, distances are parabolic. Away from the focus, the beam is as wide as the lens, but the parabola is
+    /// accurate enough for the elements that matter there.
     fn pairs(&self, width_mm: f64, focus_mm: f64, depth_mm: f64) -> Vec<Pair> {
         let exact = self.reception == Reception::Dynamic;
         let away_mm = |position_mm: f64, focus_mm: f64| {

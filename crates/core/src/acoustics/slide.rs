@@ -31,8 +31,8 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Length of a slide that decorrelates speckle at the focus, mm: λ·F/H for the distance F from the focus to an edge
-    /// of the lens, and the lens's height H.
+    /// Length of a slide that decorrelates speckle at the focus, mm: λ·F/H. F is the distance from the focus to an edge
+    /// of the lens, and H is the lens's height.
     pub fn scale_mm(&self) -> f64 {
         wavelength_mm(self.frequency_mhz) * self.focus_mm.hypot(0.5 * self.height_mm) / self.height_mm
     }

@@ -177,8 +177,8 @@ pub fn cyst() -> Vec<Part> {
     vec![Part { name: "cyst", tissue: "amniotic_fluid", priority: 1, mesh: sphere(CYST_CENTRE_MM, CYST_RADIUS_MM, 5) }]
 }
 
-/// Layers of different speed and attenuation: fat from a depth of 10 mm, muscle from 35 mm, liver from 75 mm (at x = 0;
-/// its face is tilted by 10°) to 135 mm. The liver contains water from 105 to 115 mm.
+/// Layers of different speed and attenuation, by depth: fat from 10 mm, muscle from 35 mm, liver from 75 to 135 mm. The
+/// upper face of the liver is tilted by 10° (75 mm is at x = 0). The liver contains water from 105 to 115 mm.
 pub fn slabs() -> Vec<Part> {
     // Neighbouring layers overlap and differ in width, to avoid coincident faces.
     let slab = |x: f32, y: f32, top: f32, bottom: f32| cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom));

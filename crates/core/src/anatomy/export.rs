@@ -25,7 +25,7 @@ pub struct LabelledSurface {
 /// Errors in writing a scene.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The JSON part could not be serialised, or the file not be written.
+    /// Failure to serialise the JSON part, or to write the file.
     #[error(transparent)]
     File(#[from] FileError),
     /// More bytes than the format's 32-bit lengths can express.

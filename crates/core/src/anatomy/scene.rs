@@ -234,7 +234,7 @@ impl Scene {
     }
 }
 
-/// Index of the tissue called `tissue`. Errors say that `what` refers to it.
+/// Index of the tissue called `tissue`. Errors give `what` as the item of that tissue.
 fn tissue_of(tissues: &TissueTable, what: &str, tissue: &str) -> Result<usize, SceneError> {
     tissues.index_of(tissue).ok_or_else(|| SceneError::TissueNotInTable {
         what: what.to_owned(),

@@ -6,7 +6,7 @@ use crate::acoustics;
 use crate::settings::{Setting, SettingsGroup as _, settings};
 
 settings! {
-    /// Acoustic properties of one tissue. Defaults are those of a soft tissue without speckle.
+    /// Acoustic properties of one tissue. Defaults describe a soft tissue without speckle.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Tissue in "tissues.NAME" {
         /// Speed of sound.

@@ -3,9 +3,9 @@
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-/// Path of the file `name`, which another file in `folder` names. It must lie in that folder or below: an absolute
-/// path, `..` and a link that leads out are refused. A file of foreign origin thus can't make this program read other
-/// files.
+/// Path of the file `name`, which another file in `folder` names. The path must lie in that folder or below: an
+/// absolute path, `..` and a link that leads out are refused. Files of foreign origin thus can't make this program read
+/// other files.
 ///
 /// # Errors
 /// A name or a link that leads out of the folder. A file that doesn't exist is not an error here.

@@ -16,8 +16,8 @@ fn size(bytes: u64) -> String {
     format!("{:.1} {name}", bytes as f64 / unit)
 }
 
-/// Checks that about `bytes` of memory are available. Without this check, a small file that expands to a lot of data,
-/// such as a well compressed one, would end the program: a failed allocation can't be caught.
+/// Checks that about `bytes` of memory are available. Without this check, a small file that expands to a lot of data
+/// would end the program, since a failed allocation can't be caught.
 ///
 /// # Errors
 /// More than the system allows this process, or more than is free.

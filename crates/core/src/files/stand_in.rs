@@ -1,4 +1,4 @@
-//! Stand-ins: files that take the place of the content that their names promise.
+//! Stand-ins: pointers and web pages that were stored under the name of the file that they replace.
 
 use std::io::{self, ErrorKind, Read, Seek};
 

@@ -273,8 +273,8 @@ impl<'a, T> List<'a, T> {
         self.reader.system().map_err(|source| CsvError::Line { line: 1, source })
     }
 
-    /// Whether a row of points has no position. Either its column `defined` says so, or the status that 3D Slicer
-    /// appends after the named columns is 0, 1 or 3; 2 means a defined position.
+    /// Whether a row of points has no position: its column `defined` says so, or its status is 0, 1 or 3 (2: defined).
+    /// 3D Slicer appends the status after the named columns.
     fn is_left_out(&self, layout: &Layout, row: &[String]) -> bool {
         let status = row.get(self.reader.columns().len());
         layout.is_undefined(row) || status.is_some_and(|status| ["0", "1", "3"].contains(&status.as_str()))

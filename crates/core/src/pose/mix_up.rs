@@ -7,8 +7,8 @@ use super::registration::{PointPair, rms_of_fit};
 /// fits equally well.
 const EXCHANGE_FROM: usize = 5;
 
-/// Smallest number of landmarks among which a single wrong one can be found: without it, there must be more than the
-/// three that a fit needs.
+/// Smallest number of landmarks among which a single wrong one can be found: a fit of the others must have more than
+/// three landmarks.
 const SINGLE_FROM: usize = 5;
 
 /// Limits of an explanation's RMS residual: this fraction of the unexplained residual, and this many mm below it.

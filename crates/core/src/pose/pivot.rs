@@ -52,9 +52,9 @@ pub const METRES_BELOW_MM: f64 = 1.0;
 const DIMPLE_BELOW_MM: f64 = 20.0;
 
 impl Pivot {
-    /// Whether the positions were likely in metres: the tip then seems to be a fraction of a millimetre from the
-    /// sensor, and the dimple a few millimetres from the tracker. A tool whose origin is its tip is nevertheless far
-    /// from the tracker.
+    /// Whether the positions were likely in metres. The tip then seems to be a fraction of a millimetre from the
+    /// sensor, and the dimple a few millimetres from the tracker. A tool with its origin at the tip is different: its
+    /// dimple is far from the tracker.
     pub fn looks_like_metres(&self) -> bool {
         self.tip_mm.length() < METRES_BELOW_MM && self.pivot_mm.length() < DIMPLE_BELOW_MM
     }
@@ -184,7 +184,7 @@ pub(super) fn rotation_matrix(pose: &Pose) -> Matrix3<f64> {
     DMat3::from_quat(pose.orientation).to_cols_array_2d().into()
 }
 
-/// Rotation between the pose farthest from the first pose and the pose farthest from that one, rad: at least half of
+/// Rotation between the pose B farthest from the first pose, and the pose farthest from B, rad. It is at least half of
 /// the largest rotation between two poses.
 pub(super) fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {

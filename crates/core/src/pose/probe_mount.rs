@@ -7,8 +7,8 @@
 //!   eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn, the arc of a convex face gives the
 //!   beam: the centre of the face lies ahead of the middle between its ends.
 //!
-//! The lateral axis is the more certain one, so the beam is made perpendicular to it. The probe's marker is at the
-//! first scanline, and the lateral axis points away from the marker.
+//! The lateral axis is more certain than the beam, so the beam is made perpendicular to the lateral axis. The probe's
+//! marker is at the first scanline, and the lateral axis points away from the marker.
 
 use std::fmt;
 
@@ -69,7 +69,7 @@ const SLIDE_STRAIGHT: f64 = 0.05;
 /// Largest accepted turn during a slide, degrees.
 const SLIDE_TURN_DEG: f64 = 15.0;
 
-/// Largest accepted angle between the lateral axis from the ends of the face and the one from the slide, degrees.
+/// Largest accepted angle between the lateral axes found from the ends of the face and from the slide, degrees.
 const LATERAL_DEG: f64 = 25.0;
 
 /// Poses `tracker_from_sensor` recorded in the steps of the calibration; `None` for a step that was left out.

@@ -11,16 +11,16 @@ use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Points are collinear if their extent along the second principal axis is below this fraction of that along the first.
+/// Points are collinear if the ratio of their second to their first principal extent is below this.
 const COLLINEAR: f64 = 0.05;
 
-/// Points are coplanar if their extent along the third principal axis is below this fraction of that along the first.
+/// Points are coplanar if the ratio of their third to their first principal extent is below this.
 const COPLANAR: f64 = 0.05;
 
 /// Points coincide if their RMS distance from their centroid is below this, mm.
 const LEAST_EXTENT_MM: f64 = 5.0;
 
-/// Largest accepted ratio of distances in the tracker's frame to those in the scene, or vice versa.
+/// Largest accepted ratio of distances in the tracker's frame to distances in the scene, or vice versa.
 const SCALE_TOLERANCE: f64 = 1.25;
 
 /// Ratios of distances that a wrong unit explains, from units of 0.1 mm to units of 10 m.

@@ -111,7 +111,7 @@ fn key(keys: &[&'static str], shown: &'static str, meaning: &'static str, action
     HotKey { keys: keys.to_vec(), shown, meaning, action }
 }
 
-/// All keyboard keys, those of single settings first.
+/// All keyboard keys; keys of single settings come first.
 pub fn hot_keys() -> &'static [HotKey] {
     static HOT_KEYS: LazyLock<Vec<HotKey>> = LazyLock::new(|| {
         let of_settings = live_settings().filter_map(|setting| Some((setting, setting.control.as_ref()?)));

@@ -1,10 +1,10 @@
-//! Settings of a running session, and the list of those that can be changed.
+//! Settings of a running session, and the list of settings that can be changed.
 
 use super::live_control::toggle;
 use super::{ImageSettings, Kind, LookSettings, Probe, Quality, RenderSettings, Setting, SettingsGroup, settings};
 
 settings! {
-    /// Settings of a running session. Only those with a [`LiveControl`](super::LiveControl) can be changed.
+    /// Settings of a running session. Only settings with a [`LiveControl`](super::LiveControl) can be changed.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct LiveSettings in "session" {
         /// Whether the picture is frozen.

@@ -1,4 +1,4 @@
-//! Post-processing ("look"): what a scanner does to the picture before display.
+//! Post-processing ("look"): changes that a scanner makes to the picture before display.
 
 use serde::Serialize;
 

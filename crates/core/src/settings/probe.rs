@@ -91,7 +91,7 @@ impl SettingsGroup for ProbeKind {
 }
 
 settings! {
-    /// A probe. The defaults are those of the paper: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
+    /// A probe. Defaults as in Zhang et al. 2020: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct Probe in "probe" {
         /// Centre frequency.

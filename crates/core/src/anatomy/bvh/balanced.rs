@@ -11,14 +11,14 @@ use super::refit::fit;
 use super::{PackedTriangle, parents_first};
 use crate::anatomy::Bounds;
 
-/// Random displacement of the triangles' centroids, as a fraction of the diagonal of their bounds. It is 200 steps of
-/// the builder's Morton codes (21 bits per axis). It separates coincident triangles, yet is far below the spacing of an
+/// Random displacement of the triangles' centroids, as a fraction of the diagonal of their bounds: 200 steps of the
+/// builder's Morton codes (21 bits per axis). It separates coincident triangles, yet is far below the spacing of an
 /// ordinary mesh.
 const JITTER: f32 = 1e-4;
 
-/// Builds a tree over the triangles' centroids, randomly displaced to separate coincident ones, then fits the nodes'
-/// boxes to the triangles themselves. It is slower to trace than the usual tree. Its depth is at most about log₂ of the
-/// number of triangles.
+/// Builds a tree over the triangles' centroids, displaced at random to separate coincident centroids. Then fits the
+/// nodes' boxes to the triangles themselves. The tree is slower to trace than the usual one. Its depth is at most about
+/// log₂ of the number of triangles.
 pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
     let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));

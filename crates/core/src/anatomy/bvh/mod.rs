@@ -68,8 +68,8 @@ pub enum BvhError {
 
 /// Tree and triangles of a scene.
 ///
-/// Moving parts have separate trees: the root then joins the tree of static triangles and one tree per motion field.
-/// [`Bvh::set_time_s`] moves the corners and refits the trees that changed.
+/// Scenes with moving parts have several trees: a root joins the tree of static triangles and one tree per motion
+/// field. [`Bvh::set_time_s`] moves the corners and refits the trees that changed.
 #[derive(Debug, Clone)]
 pub struct Bvh {
     /// Scene-frame origin of all coordinates, mm.

@@ -5,8 +5,8 @@
 //! Surfaces of different tissues may overlap or touch.
 //!
 //! Overlaps, hidden surfaces and thin sheets are found at sample points below at most 1024 triangles of each surface;
-//! all other checks cover every triangle. Decimation typically leaves folds of neighbouring triangles and crossings
-//! of less than 0.1 mm. They are reported for more than one triangle in 25; slivers, for more than one in 1000.
+//! all other checks cover every triangle. Decimation typically leaves folds of neighbouring triangles and crossings of
+//! less than 0.1 mm. Such triangles are reported if they are more than one in 25; slivers, if more than one in 1000.
 //! A surface without an inside (an open one, for example) hides and overlaps nothing.
 
 pub mod aberration;
@@ -52,7 +52,7 @@ const SEEN_THROUGH_MRAYL: [f64; 2] = [0.5, 2.6];
 pub struct Settings<'a> {
     /// Tissues that the station knows.
     pub tissues: &'a TissueTable,
-    /// Names of the tissues that the station file itself defines. The check reports those that no surface uses.
+    /// Names of the tissues that the station file itself defines. Tissues that no surface uses are reported.
     pub own_tissues: &'a [String],
     /// Index in `tissues` of the background, if known.
     pub background: Option<usize>,

@@ -45,8 +45,8 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
 /// Largest number of samples below one triangle.
 const POINTS_MAX_A_TRIANGLE: usize = 64;
 
-/// Barycentric coordinates of the sample with the index `sample`: the centroid, then points spread evenly over the
-/// triangle by the additive recurrence of the plastic number.
+/// Barycentric coordinates of the sample of index `sample`. Sample 0 is the centroid; the others are spread evenly over
+/// the triangle by the additive recurrence of the plastic number.
 fn barycentric(sample: usize) -> [f64; 2] {
     if sample == 0 {
         return [1.0 / 3.0; 2];

@@ -153,7 +153,7 @@ impl SurfaceCheck {
         if with.unpaired < without.unpaired { with } else { without }
     }
 
-    /// Removes zero-area triangles. Returns those that may close T-junctions.
+    /// Removes zero-area triangles. Returns the removed triangles that may close T-junctions.
     fn drop_degenerate(&mut self, mesh: &mut Mesh) -> Vec<[u32; 3]> {
         let total = mesh.triangles.len();
         let first = mesh.first_flat();

@@ -62,7 +62,7 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
 }
 
 /// Mesh of `surface` from arrays, mended like a mesh from a file: equal vertices merged, zero-area triangles dropped,
-/// facing outward if closed. It may be empty; then a finding says so.
+/// facing outward if closed. A finding reports an empty mesh.
 ///
 /// # Errors
 /// A triangle with a vertex index out of range, or a vertex in use that is not finite or beyond ±1e5 mm.
@@ -250,8 +250,8 @@ impl Mesh {
         self.corners_mm().find(|corners| !has_area(*corners))
     }
 
-    /// Drops zero-area triangles. Returns those with three distinct vertices: such a triangle between a long edge and
-    /// both its halves closes a T-junction.
+    /// Drops zero-area triangles. Returns the dropped triangles with three distinct vertices: such a triangle closes a
+    /// T-junction, between a long edge and both its halves.
     pub(crate) fn drop_flat(&mut self) -> Vec<[u32; 3]> {
         let Self { vertices_mm, triangles } = self;
         let is_flat = |t: &mut [u32; 3]| !has_area(t.map(|i| vertices_mm[i as usize]));

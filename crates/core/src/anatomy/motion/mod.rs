@@ -58,7 +58,7 @@ pub struct Drift {
 /// Errors in a scene's motion.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum MotionError {
-    /// More fields than trees that one BVH node can join.
+    /// Too many fields: one BVH node can't join all their trees.
     #[error("{count} motion fields; at most {FIELDS_MAX} are traced: join those that move the same way")]
     TooMany {
         /// Number of fields found.

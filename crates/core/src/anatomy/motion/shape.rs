@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub const FADE: f32 = 0.6;
 /// Movement of the heart's outer wall relative to the movement of the chambers' walls, as the muscle keeps its volume.
 pub const OUTER_WALL: f32 = 0.45;
-/// Contraction of the atria relative to that of the ventricles.
+/// Contraction of the atria relative to the contraction of the ventricles.
 pub const ATRIA: f32 = 0.6;
 
 /// Spatial form of a displacement field, scene frame, mm.

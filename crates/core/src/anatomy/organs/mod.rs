@@ -133,8 +133,8 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// Finding about a wrong unit of length: two or more whole organs, all or most of them many times too small, and no
-/// other organ of usual size. Small organs are ignored: a full gallbladder in a wrong unit looks like an empty
+/// Finding about a wrong unit of length. It needs two or more whole organs, all or most of them many times too small,
+/// and no other organ of usual size. Small organs are ignored: a full gallbladder in a wrong unit looks like an empty
 /// gallbladder.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     let is_usual = |fact: &OrganFact, range: &Range| {

@@ -181,8 +181,8 @@ impl StandardPlanes {
         names.iter().map(|name| find(name.as_ref())).collect()
     }
 
-    /// Sets the pose of a probe on `skin` in each view; the pose is `None` if the line from the view's centre to the
-    /// probe does not hit the skin. `press_mm` is the depth of the face below the skin.
+    /// Sets the pose of a probe in each view, with the face `press_mm` below `skin`. The pose is `None` if the line
+    /// from the view's centre to the probe does not hit the skin.
     #[must_use]
     pub fn with_poses(mut self, skin: &Skin, press_mm: f64) -> Self {
         for view in self.planes.iter_mut().flat_map(|plane| &mut plane.views) {

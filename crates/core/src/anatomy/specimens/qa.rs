@@ -62,7 +62,7 @@ pub fn resolution(depth_mm: f32) -> Vec<(f32, f32)> {
     let mut apart = 0.0;
     for (i, step) in RESOLUTION_MM.into_iter().enumerate() {
         apart += step;
-        // A sideways step of 1.5 mm keeps each wire out of the shadow of the one above.
+        // A sideways step of 1.5 mm keeps each wire out of the shadow of the wire above.
         positions.push((8.0 + 1.5 * (i + 1) as f32, depth_mm + apart));
         if step > WIRE_MM + 0.1 {
             positions.push((-8.0 - apart, depth_mm));

@@ -167,7 +167,7 @@ fn without_unit(key: &str) -> Option<Meaning> {
         "status" => Meaning::Status,
         "event" => Meaning::Event,
         "defined" => Meaning::Defined,
-        // NDI calls the scalar part q0. Beside q1 to q3, q0 could also mean x, so those names are refused.
+        // NDI's q0 is the scalar part. Next to q1 to q3, q0 could also mean x, so names from q1 on are refused.
         "q0" => Meaning::Quaternion(0),
         "q1" | "q2" | "q3" | "q4" | "w" => Meaning::Ambiguous(QUATERNION_ORDER),
         "roll" | "pitch" | "yaw" | "heading" | "azimuth" | "elevation" | "az" | "el" | "ro" | "rx" | "ry" | "rz"
