@@ -12,7 +12,7 @@ use crate::transducer::Probe;
 
 /// Assumed ratio of output error to input error, for a generator without a known one.
 const UNMEASURED: f64 = 0.9;
-/// Training target for which a generator's own error ratio is comparable with the table of errors.
+/// Training target for which a generator's own error ratio is comparable with the error table.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
 
 /// Properties of a generator that decide the choice.
@@ -48,13 +48,13 @@ fn error_ratio(quality: &Quality) -> Option<f64> {
     (ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
-/// Frame quality that `settings` ask for. A probe that doesn't steer has one angle.
+/// Frame quality that `settings` request. A probe that doesn't steer has one angle.
 pub(super) fn own_quality(settings: &RenderSettings, probe: &Probe) -> FrameQuality {
     let own = FrameQuality::of(settings);
     FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own }
 }
 
-/// Freedom of choice that a station leaves.
+/// Parts of the frame quality that a station leaves open, for the controller to choose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Open {
     /// Frame quality in the station's own settings.
@@ -70,28 +70,28 @@ impl Open {
         let own = own_quality(&station.settings, &station.probe);
         let steers = station.probe.kind.steers();
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
-        // With a fixed quality, the hint about better points then compares the same points as with a budget.
+        // A single angle of a fixed quality counts as open: the hint then compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
         Self { own, angles: angles && steers, aperture }
     }
 
-    /// Returns a quality of the table if the station allows it; `None` if the station fixes angles or aperture
-    /// otherwise.
+    /// Returns a quality of the error table if the station allows it; `None` if the station fixes other values of
+    /// angles or aperture.
     fn here(&self, quality: FrameQuality) -> Option<FrameQuality> {
         let angles = self.angles || quality.angles == self.own.angles;
         let aperture = if quality.aperture { self.own.aperture } else { self.aperture || !self.own.aperture };
         (angles && aperture).then_some(quality)
     }
 
-    /// Quality that this station would render for a generator that takes `quality`: without the aperture where the
-    /// station has none. `None` if the station fixes another number of angles.
+    /// Quality that this station renders as input of a generator that takes `quality`. The effect `aperture` is
+    /// omitted if the station has none. `None` if the station fixes another number of angles.
     fn below_generator(&self, quality: FrameQuality) -> Option<FrameQuality> {
         let angles = self.angles || quality.angles == self.own.angles;
         angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
     }
 
-    /// Qualities to measure, by increasing number of paths: those of the table that the station allows, inputs of
-    /// generators, and the station's own.
+    /// Qualities to measure, by increasing number of paths: qualities of the error table that the station allows,
+    /// inputs of generators, and the station's own quality.
     pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
         let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
         let of_table =
@@ -125,7 +125,7 @@ impl Open {
         let generated = generated.filter_map(|(index, model, trained_on)| {
             let quality = self.below_generator(trained_on)?;
             let known = expected.by_speed(trained_on, Some(&model.key));
-            // The manifest's errors come from other frames than the table's, so only their ratio counts.
+            // Manifest and error table were measured on different frames, so only the manifest's ratio is comparable.
             let by_ratio = || Some(expected.by_speed(quality, None)?.times(model.error_ratio.unwrap_or(UNMEASURED)));
             let error = known.or_else(by_ratio)?;
             let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
@@ -134,11 +134,11 @@ impl Open {
         raw.chain(generated).collect()
     }
 
-    /// Operating points at the station's own quality: generators in their order, then the raw frame. Errors are only
-    /// ranks.
+    /// Operating points at the station's own quality: generators in their order, then the raw frame. Their `error` is
+    /// only a rank, from 1.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
-        // If the time is unknown (0), the times of rendered frames show no load.
+        // 0 means an unknown time; the controller then assumes a render load of 1.
         let render_ms = times.render(quality, true).unwrap_or(0.0);
         let of = |(rank, model): (usize, &Model)| {
             let (error, run_ms) = (BySpeed::all(1.0 + rank as f64), times.run(&model.key)?);

@@ -19,7 +19,7 @@ const HINT: f64 = 0.9;
 pub struct StartingPoint {
     /// The controller; `None` if there is nothing to choose: a fixed quality without generators.
     pub controller: Option<PointController>,
-    /// Sentences about the choice: the point, its error and time, and a better point than a fixed quality.
+    /// Sentences about the choice: the point with error and time; for a fixed quality, a better point if there is one.
     pub messages: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ pub struct StartingPoint {
 /// to the station's settings and to the renderer.
 ///
 /// # Errors
-/// The shipped table of errors can't be read, or a frame of the measurement can't be rendered. Points that don't fit
+/// The shipped error table can't be read, or a frame of the measurement can't be rendered. Points that don't fit
 /// the device's memory, and generators that don't run, are left out with a warning.
 pub fn choose(
     renderer: &mut Renderer,

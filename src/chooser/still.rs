@@ -24,8 +24,8 @@ pub struct StillQuality {
     pub error: f64,
     /// Median frame time of `quality`, ms; `None` if no valid time was measured.
     pub frame_ms: Option<f64>,
-    /// The first quality that exceeds the budget, and its time, ms. The time is `None` if the device has no room for
-    /// it.
+    /// First quality that exceeds the budget, and its time, ms. The time is `None` if the device lacks memory for the
+    /// quality.
     pub beyond: Option<(FrameQuality, Option<f64>)>,
 }
 
@@ -60,13 +60,13 @@ impl fmt::Display for StillQuality {
 }
 
 /// Chooses the quality of stills, and configures the renderer with `probe`, `settings` and that quality. Qualities come
-/// from the shipped table of errors; angles, aperture and seed from `settings`.
+/// from the shipped error table; angles, aperture and seed from `settings`.
 ///
 /// Qualities are timed in order of their number of paths, until one takes more than `frame_budget_ms`. Their frames
 /// cycle through `poses`. `scene` is the station's [`scene_name`](crate::measuring::scene_name).
 ///
 /// # Errors
-/// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
+/// The table can't be read, or a frame can't be rendered. A quality beyond the device's memory only ends the search.
 pub fn choose_still(
     renderer: &mut Renderer,
     scene: &str,

@@ -21,12 +21,11 @@ pub struct StillFrame {
     pub chosen: Option<StillQuality>,
 }
 
-/// Renders a station's `scene` at `pose` and scene time `time_s` (s) with `settings`, and applies the look of the
-/// settings. With `frame_budget_ms`, rays and layers are chosen. Paths that met more interfaces than can be kept are
-/// logged.
+/// Renders a station's `scene` with `settings`, `at` a pose and scene time (s), and applies the post-processing. With
+/// `frame_budget_ms`, rays and layers are chosen. Logs a warning if paths met more interfaces than the buffers hold.
 ///
 /// # Errors
-/// A frame that can't be rendered, or as [`choose_still`].
+/// The frame can't be rendered, or an error of [`choose_still`].
 pub fn render_still(
     backend: &Backend,
     scene: &Scene,
@@ -39,11 +38,11 @@ pub fn render_still(
     render_still_with(&mut renderer, backend, station, settings, at, frame_budget_ms)
 }
 
-/// As [`render_still`], for successive stills with one renderer of the station's scene on `backend`. The renderer is
-/// switched to the station's probe and to `settings`.
+/// Does [`render_still`] with an existing `renderer` of the station's scene on `backend`, for successive stills. The
+/// renderer is switched to the station's probe and to `settings`.
 ///
 /// # Errors
-/// As [`render_still`].
+/// Errors of [`render_still`].
 pub fn render_still_with(
     renderer: &mut Renderer,
     backend: &Backend,
@@ -84,7 +83,7 @@ pub struct StillJob {
     pub at: (Pose, f64),
 }
 
-/// As [`render_still_with`] for each of `jobs`, several at once on the host. `each` receives the frames in order.
+/// Does [`render_still_with`] for all `jobs`, several at once on the host. `each` receives the frames in order.
 /// Afterwards, `renderer` has the settings and time of any one of the jobs.
 ///
 /// # Errors

@@ -24,16 +24,16 @@ const ENOUGH_S: f64 = 2.5;
 const BEYOND: f64 = 1.5;
 /// Spread above which a measurement counts as disturbed by another program. The next session then measures again.
 const DISTURBED: f64 = 1.4;
-/// If the ratio of a new time to the kept time is less, the kept time counts as disturbed.
+/// Ratio of a new time to the cached time below which the measurement of the cached time counts as disturbed.
 const LEAST_OF_KEPT: f64 = 0.9;
 
 /// Median times of frames and generator runs on a machine, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frame times for rays and layers, with one angle and without maps, ms. `None` if the device has no room. Times
+    /// Frame times for rays and layers, with one angle and without maps, ms. `None` if the device lacks memory. Times
     /// far beyond the budget are estimated from the number of paths.
     render_ms: Vec<([u32; 2], Option<f64>)>,
-    /// Additional frame times with maps, and with rolling compounding.
+    /// Additional frame time with maps, and with rolling compounding, ms.
     maps_ms: Option<f64>,
     angles_ms: Option<f64>,
     /// Ratio of the frame time without the effect `aperture` to the time with it.
@@ -212,7 +212,7 @@ fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<V
     if first.iter().all(|ms| *ms > BEYOND * frame_ms) { Ok(first) } else { ms(FRAMES) }
 }
 
-/// Times of frames of this quality, ms; `None` if the device has no room for them.
+/// Times of frames of this quality, ms; `None` if the device lacks memory for them.
 fn frames(timed: &mut TimedStation<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
     let Station { probe, settings, .. } = timed.station;
     let aperture = settings.effects.of(Effect::Aperture);

@@ -20,7 +20,7 @@ pub struct Translation {
     generator: Generator,
     /// Frame quality that the generator was trained to produce.
     pub target: FrameQuality,
-    /// Error of the generator on LQ frames in the table of errors, grey levels.
+    /// Error of the generator on LQ frames in the error table, grey levels.
     error: f64,
     /// Grey levels of the last generated image [height × width].
     pub image: Vec<u8>,
@@ -40,7 +40,7 @@ impl Translation {
     /// Loads the best generator of LQ frames. `tissues` holds the tissue names from class number 1.
     ///
     /// # Errors
-    /// Why no generator is available, in one line.
+    /// No generator is available; the text gives the reason in one line.
     pub fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
         let table = ErrorTable::shipped().map_err(|error| error.to_string())?;
         let expected = table.expected(&scene_name(station), &station.probe);
@@ -92,7 +92,7 @@ fn folder() -> Option<PathBuf> {
     above.map(|folder| folder.join(FOLDER)).find(|folder| folder.is_dir())
 }
 
-/// Generator in `folder` that takes frames of low quality (LQ) and has the least error at rest, according to `expected`.
+/// Generator in `folder` that takes low-quality (LQ) frames and has the least error at rest, according to `expected`.
 /// PSNRs in manifests are not comparable, because their data sets differ.
 fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))?;

@@ -3,9 +3,9 @@
 use super::predict::AHEAD;
 use super::{CHANGES, Load, MINUTE_S, PointChange, PointController, RETRY_S, RISE_S, SUDDEN};
 
-/// If the point is lowered within this time after a rise, the rise has failed, s.
+/// Time after a change to a better point (a rise) within which a fall marks the rise as failed, s.
 const FAILED_WITHIN_S: f64 = 20.0;
-/// Two falls within this time count as one change, s: the first one may not have been enough.
+/// Time within which two changes to cheaper points (falls) count as one change, s. The first may not suffice.
 pub(super) const ONE_FALL_S: f64 = 5.0;
 /// Failed runs in a row after which the controller stops using a generator.
 const FAILURES: u32 = 3;
@@ -40,7 +40,7 @@ impl PointController {
         let load = self.load(SUDDEN)?;
         let spread = self.spread(SUDDEN);
         let now_ms = self.busy_ms(&self.point(), load);
-        // Only points faster than the present one count: its median time may fit although its 95th percentile doesn't.
+        // Excludes the present point, whose median time may fit although its 95th percentile doesn't.
         let to = self.best_below(now_s, load, spread, 1.0, now_ms);
         let to = to.or_else(|| self.least(now_s, load, now_ms)).filter(|&to| to != self.current)?;
         if self.raised_at.is_some_and(|at| now_s - at <= FAILED_WITHIN_S) {
@@ -63,7 +63,7 @@ impl PointController {
         Some(self.go(now_s, to, true, reason))
     }
 
-    /// Blocks the present point, and all points that take as long or longer, for its retry time.
+    /// Blocks the present point, and all points with at least about its time, for the present point's retry time.
     fn block_beyond(&mut self, now_s: f64) {
         let wait_s = self.retry_s[self.current];
         self.retry_s[self.current] = (2.0 * wait_s).min(RETRY_S[1]);

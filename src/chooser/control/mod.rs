@@ -61,7 +61,7 @@ pub struct FrameBudget {
     pub frame_ms: Option<f64>,
     /// Largest time of a generator run, ms.
     pub run_ms: f64,
-    /// Whether frames and runs use different hardware. If so, the longer of both times counts, else their sum.
+    /// Whether frames and runs use different hardware. If so, the longer of the two times counts, else their sum.
     pub apart: bool,
     /// Ratio of the 95th percentile of times to their median, as measured at the start.
     pub spread: f64,
@@ -114,7 +114,7 @@ pub struct PointController {
     by_hand: bool,
     /// Busy times of the frames at this point, ms; see [`Self::busy_of`].
     busy: Recent,
-    /// Ratios of the times at this point to those measured at the start: of frames and of generator runs.
+    /// Ratios of times at this point to times measured at the start: for frames, and for generator runs.
     renders: Recent,
     runs: Recent,
     /// Last known ratio of run load to render load, and when it was seen, s.
@@ -132,7 +132,7 @@ pub struct PointController {
     last_s: f64,
     /// Time of the change to this point, s, if that was a rise.
     raised_at: Option<f64>,
-    /// For each candidate, when its blocking ends, and for how long its next failure blocks it, s.
+    /// For each candidate: time at which its blocking ends, and duration of the block after its next failure, s.
     blocked_until: Vec<f64>,
     retry_s: Vec<f64>,
     /// Number of failed runs in a row of each generator, and the last reason.

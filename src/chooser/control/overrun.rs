@@ -2,8 +2,8 @@
 
 use super::{Load, MINUTE_S, PointController, SETTLED, SUDDEN};
 
-/// Time for which the 95th percentile may exceed the budget, s. A sudden load shows earlier, in the median, and is
-/// predicted better from that.
+/// Time for which the 95th percentile may exceed the budget, s. The median shows a sudden load earlier, and predicts
+/// times better.
 const OFTEN_S: f64 = 3.0;
 /// Number of frames without a finished generator run after which the generator counts as over its budget.
 const FRAMES_WITHOUT_RUN: u32 = 16;

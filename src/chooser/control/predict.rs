@@ -4,7 +4,7 @@ use super::{Candidate, Load, PointController, ROOM};
 
 /// Number of latest frames from which a better point's time is predicted, and least number needed.
 pub(super) const AHEAD: (usize, usize) = (48, 24);
-/// Where no point's 95th percentile fits: largest ratio of the chosen point's time to the least time.
+/// Largest ratio of the chosen point's time to the least time, used if no point's 95th percentile fits.
 pub(super) const OVER_LEAST_MAX: f64 = 1.2;
 /// Largest ratio of a better point's error to the present error. A smaller gain isn't worth a change.
 pub(super) const WORTH: f64 = 0.98;
@@ -28,7 +28,7 @@ impl PointController {
         self.best_below(now_s, load, spread, room, f64::INFINITY)
     }
 
-    /// As [`Self::best`], among the points that are predicted to take less than `most_ms`.
+    /// Returns [`Self::best`] among the points that are predicted to take less than `most_ms`.
     pub(super) fn best_below(&self, now_s: f64, load: Load, spread: f64, room: f64, most_ms: f64) -> Option<usize> {
         let fits = |candidate: &Candidate| {
             self.busy_ms(candidate, load) < most_ms && self.keeps(candidate, load, spread, room)
@@ -43,9 +43,9 @@ impl PointController {
             && spread * load.run * candidate.run_ms <= self.budget.run_ms
     }
 
-    /// Index of the point to use when none fits: the one with the least error whose median fits and whose time is at
-    /// most [`OVER_LEAST_MAX`] times the least. Without such a point it is the fastest. Points predicted to take more
-    /// than `most_ms` don't count.
+    /// Index of the point to use when none fits, among points predicted to take at most `most_ms`. It has the least
+    /// error of the points whose median fits and is at most [`OVER_LEAST_MAX`] times the least time. Without such
+    /// points it is the fastest. If every point is blocked, all raw points are considered.
     pub(super) fn least(&self, now_s: f64, load: Load, most_ms: f64) -> Option<usize> {
         let ms = |index: usize| self.busy_ms(&self.candidates[index], load);
         let among = |open: &dyn Fn(usize) -> bool| {
@@ -91,8 +91,8 @@ impl PointController {
         self.busy_of(load.render * candidate.render_ms, load.run * candidate.run_ms)
     }
 
-    /// Busy time of a frame, which the budget limits, ms: sum of rendering and generator run, or the longer of both on
-    /// different hardware. If frames aren't limited, the run alone.
+    /// Busy time of a frame, which the budget limits, ms: sum of rendering and generator run, or the longer of the two
+    /// on different hardware. If frames aren't limited, the run alone.
     pub(super) fn busy_of(&self, render_ms: f64, run_ms: f64) -> f64 {
         match (self.budget.frame_ms, self.budget.apart) {
             (None, _) => run_ms,

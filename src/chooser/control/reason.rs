@@ -9,7 +9,7 @@ impl PointController {
         self.generator_reason.as_deref()
     }
 
-    /// [`Self::generator_reason`] for the present point, from the times measured at the start.
+    /// Computes [`Self::generator_reason`] for the present point, from the times measured at the start.
     pub(super) fn reason_now(&self) -> Option<String> {
         let point = self.point();
         let names = self.generators.join(", ");
@@ -36,8 +36,8 @@ impl PointController {
         Some(format!("{head}: {why}"))
     }
 
-    /// The best point with a generator if `point` has none, else the best one without. "Best" means the least error
-    /// among those that fit; if none fits, the fastest.
+    /// Best point with a generator if `point` has none, else best point without a generator. "Best" means the least
+    /// error among points that fit; if none fits, the fastest point.
     fn best_of_other_kind(&self, point: &Candidate) -> Option<Candidate> {
         let by_error = || self.by_error().map(|index| &self.candidates[index]);
         let others = || by_error().filter(|other| other.generator.is_some() != point.generator.is_some());

@@ -4,12 +4,12 @@ use super::predict::WORTH;
 use super::{PointChange, PointController, RISE_S};
 use crate::pose::{ProbeSpeed, Speed};
 
-/// Times for which a faster and a slower motion must last before they count, s. A pause is soon over.
+/// Times for which motion must be faster, or slower, before the class changes, s. Short pauses don't change it.
 const FASTER_S: f64 = 0.4;
 const SLOWER_S: f64 = 1.5;
 /// Fraction of a speed limit below which motion must fall to count as slower.
 const BELOW: f64 = 0.7;
-/// Time after a change of the probe's speed in which a point that suits the new speed better is chosen, s.
+/// Time after a change of the speed class during which the controller may switch to a point for the new class, s.
 const MOVED_S: f64 = 10.0;
 
 /// Class of the probe's speed. Short pauses, and speeds near a limit between classes, do not change it.
@@ -85,7 +85,7 @@ impl PointController {
             return None;
         }
         let to = self.better(now_s)?;
-        // A point that was better at the previous speed too is a rise because of lower load. Such a rise waits longer.
+        // A point that was also better at the previous speed fits because the load fell. That needs a slower `rise`.
         let error_before = |index: usize| self.candidates[index].error.at(self.watch.before);
         if error_before(to) < WORTH * error_before(self.current) {
             return None;

@@ -38,7 +38,7 @@ pub struct PointSummary {
     pub raised: u64,
     /// Number of points that were too large for the device.
     pub refused: u64,
-    /// Whether a watcher set the quality by hand. From then on, at most the generator was chosen.
+    /// Whether a watcher set the quality by hand. From then on, the controller chose only generators, if any.
     pub by_hand: bool,
     /// The first hundred changes.
     pub changes: Vec<Switch>,

@@ -7,7 +7,7 @@ use crate::render::FrameQuality;
 
 pub(super) const PERIOD_S: f64 = 1.0 / 14.0;
 
-/// Rays, layers and error of the rendered points. Then name and errors of the generators, on frames of 1x1 and 1x3.
+/// Rendered points: rays, layers, error. Generators: name, layers of their input frames (1x1 or 1x3), error.
 pub(super) const RAW: [(u32, u32, f64); 6] =
     [(1, 1, 22.0), (1, 3, 18.0), (2, 3, 17.0), (4, 3, 16.0), (8, 3, 15.5), (32, 3, 15.0)];
 pub(super) const GENERATORS: [(&str, u32, f64); 3] =
