@@ -1,7 +1,7 @@
 //! Beam coordinates for generators: resampling of a picture to a grid of scanlines × range cells, and back.
 //!
-//! Such a grid has no positions outside the sector, and speckle has one size everywhere. Its number of values does not
-//! depend on the size of the picture.
+//! Such a grid has no positions outside the sector, and speckle has one size everywhere. The number of grid values is
+//! independent of the size of the picture.
 
 use rayon::prelude::*;
 
@@ -163,10 +163,10 @@ impl BeamSampling {
     }
 }
 
-/// Values on the grid that a model returned. They include the last cell of the last scanline.
+/// A model's output on the grid. `values` reach at least to the last cell of the last scanline.
 struct Model<'a> {
     values: &'a [f32],
-    /// Index of the first value, and index distance from one row to the next.
+    /// Index of the grid's first value, and index distance from one row to the next.
     first: usize,
     stride: usize,
     last_line: usize,
@@ -210,7 +210,7 @@ fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES]) -
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
     let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
     for i in 0..LANES {
-        // Limited to the grid, so that all reads stay within `values`.
+        // Clamps the indices to the grid, so that all reads stay within `values`.
         let line = (first_values[i] & 0xffff).min(last_line as u32);
         let cell = (first_values[i] >> 16).min(last_cell as u32);
         at[i] = (first as u32).wrapping_add(cell.wrapping_mul(stride as u32)).wrapping_add(line);
@@ -313,7 +313,7 @@ impl Picture<'_> {
             (parts / PARTS, (parts % PARTS) as u16)
         };
         let cell = |column: usize| {
-            // Pixels outside the sector within the row, below the arc of the face, are outside the mask.
+            // The row's span may contain pixels outside the sector, at the arc of the face. The mask excludes them.
             let Some((fraction, depth_mm)) = beam(column) else { return (0, 0) };
             let (scanline, x) = split(fraction * scanlines as f64 - 0.5, scanlines);
             let (cell, y) = split(depth_mm / grid.cell_mm - 0.5, cells);

@@ -8,8 +8,8 @@ use crate::render::{ComputeDevice, NVIDIA, PciAddress};
 /// Folder in which NVIDIA's driver for Linux lists its GPUs, one entry each, by their addresses.
 const NVIDIA_GPUS: &str = "/proc/driver/nvidia/gpus";
 
-/// Device that runs models with `provider`. CUDA takes the first GPU; its address is known only if there is a single
-/// one.
+/// Device that runs models with `provider`. CUDA takes the first GPU; the GPU's address is known only on machines with
+/// a single GPU.
 pub(crate) fn compute_device_of(provider: Provider) -> ComputeDevice {
     match provider {
         Provider::Cpu => ComputeDevice::Processors,

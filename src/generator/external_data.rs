@@ -10,7 +10,7 @@ use super::GeneratorError;
 /// Largest nesting of messages that is read. Graphs inside control-flow operators nest.
 const DEPTH_MAX: usize = 32;
 
-/// Types of ONNX messages on the way from a `ModelProto` to its tensors.
+/// Types of ONNX messages that contain tensors directly or through nested messages, and of the tensors themselves.
 #[derive(Clone, Copy)]
 enum Message {
     Model,
@@ -51,8 +51,8 @@ fn external_files(model: &[u8]) -> Vec<String> {
     files
 }
 
-/// Refuses the model at `path` if its weights lie in other files, which its hash doesn't cover. ONNX Runtime gets only
-/// the model's bytes and would search such files in the current folder.
+/// Refuses the model at `path` if its weights lie in other files, which the model's hash doesn't cover. ONNX Runtime
+/// gets only the model's bytes, and would search for those files in the current folder.
 pub(super) fn check_one_file(path: &Path, model: &[u8]) -> Result<(), GeneratorError> {
     let files = external_files(model);
     if files.is_empty() {

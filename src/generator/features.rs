@@ -56,8 +56,8 @@ impl OnnxFeatures {
     }
 
     /// Loads the built-in network `texture64`, which computes 64 fixed texture statistics of a crop of 256 × 256.
-    /// Nothing in it is learnt. The statistics are means and deviations of the magnitudes of Gabor filters of 4 octaves
-    /// and 4 orientations, and correlations (after Portilla and Simoncelli, IJCV 2000).
+    /// Nothing in it is learnt. The statistics are means, deviations and correlations of Gabor magnitudes at 4 octaves
+    /// and 4 orientations (after Portilla and Simoncelli, IJCV 2000).
     ///
     /// `training/make_features.py` writes the network and documents each statistic. A distance over these features is
     /// no FID.

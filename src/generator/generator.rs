@@ -54,7 +54,7 @@ impl Generator {
         let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
         let precision = stored.precision;
         match Self::open(path, manifest.clone(), stored, runtime, options) {
-            // If the provider is missing, float32 can't run either.
+            // Without its provider, the model can't run in float32 either.
             Err(error) if may_give_way && !matches!(error, GeneratorError::Provider { .. }) => {
                 tracing::warn!("{precision} is refused, float32 runs instead: {error}");
             }

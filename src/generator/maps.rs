@@ -52,7 +52,7 @@ impl Geometry {
         (self.padded_height - self.height) / 2 * self.padded_width
     }
 
-    /// Number of values in those rows of a padded plane that hold the field of view, with the padding left and right.
+    /// Number of values in the padded plane's rows that hold the field of view, including the padding left and right.
     fn within(&self) -> usize {
         self.height * self.padded_width
     }
@@ -151,7 +151,7 @@ fn fill_with<E: Element>(
                 let [outside, inside] = [false, true].map(|inside| E::of_mask(inside, affine));
                 plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
-            // Segmentation never reaches this: `Generator` makes a class map whenever the manifest has one.
+            // Not reached for segmentation: `Generator` makes a class map whenever the manifest has segmentation.
             (Channel::Image | Channel::Segmentation, ..) => {
                 plane(planes.next(), geometry, input.image, E::of_level(0, affine), |x| E::of_level(x, affine));
             }
@@ -203,7 +203,7 @@ fn rows<'a, T>(output: &'a [T], geometry: &Geometry) -> impl Iterator<Item = &'a
 /// finite, as bytes always are.
 pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usize, usize, usize)> {
     let Values::Floats(output) = output else { return None };
-    // Tests the exponent, without a branch. Only broken models give such values.
+    // Tests the exponent without a branch, for speed. Only broken models give non-finite values.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
     let (padded, columns) = padded_rows(output, geometry);

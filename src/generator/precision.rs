@@ -53,7 +53,7 @@ impl Stored {
         }
     }
 
-    /// The same file, but computed in `precision`.
+    /// Returns the same file, to be computed in `precision`.
     fn in_precision(mut self, precision: Precision) -> Self {
         if precision == Precision::Float16 {
             self.precision = precision;

@@ -1,5 +1,4 @@
-//! Options of ONNX Runtime's execution providers. CUDA and TensorRT have never been run, because the hardware was
-//! missing.
+//! Options of ONNX Runtime's execution providers. CUDA and TensorRT are untested, for lack of hardware.
 
 use std::path::{Path, PathBuf};
 

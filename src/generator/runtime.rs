@@ -50,7 +50,7 @@ impl Runtime {
         let unusable = |reason: String| RuntimeError::Unusable { path: library.clone(), reason };
         let builder = ort::init_from(&library).map_err(|e| unusable(e.to_string()))?;
         let environment = builder.with_telemetry(false).build().map_err(|e| unusable(e.to_string()))?;
-        // At the library's default log level, it would format every event, although most are then dropped.
+        // The library's default log level formats every event, although most are then dropped.
         environment.set_log_level(LogLevel::Warning);
         tracing::debug!("ONNX Runtime is {}", library.display());
         Ok(Self { environment, library })
@@ -68,7 +68,7 @@ impl Runtime {
 
 fn find() -> Result<PathBuf, RuntimeError> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
-        // For a bare file name the loader would search elsewhere, so the path is made absolute.
+        // An absolute path, because the loader would search the system's folders for a bare file name.
         let path = PathBuf::from(path);
         let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         return if file.is_file() { Ok(file) } else { Err(RuntimeError::NoSuchFile { path }) };

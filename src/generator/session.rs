@@ -51,7 +51,7 @@ impl Terminator {
         if !state.running || number.is_some_and(|n| n != state.number) {
             return false;
         }
-        // The lock prevents that the next run is stopped instead.
+        // The lock keeps the next run from starting, and from being stopped instead.
         state.stopped = self.0.options.terminate().is_ok();
         state.stopped
     }

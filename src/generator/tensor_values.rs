@@ -30,7 +30,7 @@ pub(super) trait Element: Copy + Send + Sync {
     fn of_mask(inside: bool, affine: Affine) -> Self;
     /// Tensor value of a class index, or of 0 or 1 in the channel of one class.
     fn of_class(class: u8, affine: Affine) -> Self;
-    /// Tensor value of an attenuation `part`, 0..=1, after the mapping's power.
+    /// Tensor value of a relative attenuation `part`, 0..=1, to which the mapping's power has been applied.
     fn of_attenuation(part: f32, affine: Affine) -> Self;
 }
 

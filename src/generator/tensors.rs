@@ -24,7 +24,7 @@ enum Kept {
 }
 
 impl Kept {
-    /// A tensor filled with zeros, because fresh memory is uninitialised.
+    /// Allocates a tensor filled with zeros, because fresh memory is uninitialised.
     fn zeros(kind: Kind, allocator: &Allocator, shape: [usize; 4]) -> Result<Self, ort::Error> {
         Ok(match kind {
             Kind::Floats => {
@@ -97,8 +97,8 @@ impl Tensors {
     }
 }
 
-/// Allocators for input and output. A GPU copies directly from and to pinned memory. Without pinned memory, the
-/// processor's memory serves.
+/// Allocators for input and output: pinned memory, from and to which a GPU copies directly. Without pinned memory,
+/// ordinary memory is used.
 fn allocators(session: &Session, provider: Provider) -> [Allocator; 2] {
     let pinned = |kind: MemoryType| {
         let info = MemoryInfo::new(AllocationDevice::CUDA_PINNED, 0, AllocatorType::Device, kind)?;

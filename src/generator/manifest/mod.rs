@@ -31,7 +31,7 @@ pub struct Manifest {
     pub description: String,
     /// Whether the generator is trained or written by hand.
     pub kind: Kind,
-    /// Maps that the generator takes, by the paper's name. It must agree with the channels.
+    /// Maps that the generator takes, named as in the paper. They must agree with the channels.
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
@@ -159,7 +159,7 @@ pub struct SegmentationManifest {
     /// Names of the classes in order: of tissues, or of groups that [`Self::of`] defines. The class `outside` is the
     /// area outside the sector.
     pub classes: Vec<String>,
-    /// Class of all tissues named nowhere else. Without it, such a tissue is an error.
+    /// Class of all tissues that are named nowhere else; `None` makes such a tissue an error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
     /// Class of each tissue that has no class of its own name, as `tissue = "class"`.
@@ -296,12 +296,12 @@ impl Manifest {
         }
     }
 
-    /// The model's file in `precision`, a rounded one; `None` if the manifest has none.
+    /// The model's file in a `precision` other than float32; `None` if the manifest has none.
     pub fn quantised(&self, precision: Precision) -> Option<&Quantised> {
         self.precisions.iter().find(|other| other.precision() == Some(precision))
     }
 
-    /// Qualities of the frames that the model translates: those of its training, or low quality if unknown.
+    /// Qualities of the frames that the model translates: the training's input qualities, or low quality if unknown.
     pub fn lq(&self) -> Vec<FrameQuality> {
         let training = self.training.as_ref();
         let first = training.and_then(|training| training.lq).unwrap_or(FrameQuality::LQ);
