@@ -57,10 +57,10 @@ pub trait Clock: Debug + Send + Sync {
     /// Registers a thread that is about to be started. Returns the thread's index, from 0.
     fn enrol(&self) -> usize;
 
-    /// Must be the first call of the thread with the index `thread`.
+    /// Enters the thread with the index `thread`; must be the thread's first call.
     fn enter(&self, thread: usize);
 
-    /// Must be the last call of the thread with the index `thread`.
+    /// Leaves the thread with the index `thread`; must be the thread's last call.
     fn leave(&self, thread: usize);
 
     /// Current time, ns since 1970 (UTC). Monotonic: changes of the system time during the session have no effect.
@@ -97,7 +97,7 @@ pub struct SystemClock {
 impl SystemClock {
     /// Clock of a session that begins now.
     pub fn new() -> Self {
-        // Both are read at once: the tracker's bytes carry time stamps of the same clock as `start_unix_ns`.
+        // Both clocks are read together: the tracker's time stamps use the clock of `start_unix_ns`.
         Self { start_unix_ns: crate::tracker::host_time_ns(), start: Instant::now() }
     }
 }

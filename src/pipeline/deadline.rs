@@ -27,28 +27,28 @@ pub(super) struct DeadlineChooser {
     last_in_time: Option<u64>,
     /// Number of consecutive frames for which a held picture (the last generated one) could have been shown.
     near: u32,
-    /// Number of consecutive frames that must be in time before generated pictures are shown. It doubles when raw
-    /// frames had to return soon after.
+    /// Number of consecutive frames that must be in time before generated pictures are shown. Doubled if raw frames
+    /// return soon after a switch to generated pictures.
     frames_required: u32,
     /// Number of frames since the last switch to or from generated pictures.
     since_change: u32,
 }
 
 impl DeadlineChooser {
-    /// A chooser that starts with raw frames, until generated ones have been ready for long enough.
+    /// A chooser that shows raw frames until enough consecutive generated pictures were in time.
     pub(super) fn new(settings: ChoiceSettings) -> Self {
         let frames_required = settings.steady_frames.clamp(1, FRAMES_REQUIRED_MAX);
         Self { settings, generated: false, in_time: 0, last_in_time: None, near: 0, frames_required, since_change: 0 }
     }
 
-    /// Whether to wait for the frame's own generated picture: generated pictures are shown already, or could be from
-    /// this frame on.
+    /// Whether to wait for the frame's own generated picture: generated pictures are shown, or may be shown from this
+    /// frame on.
     pub(super) fn waits(&self) -> bool {
         self.generated || self.in_time >= self.frames_required
     }
 
-    /// Reports that the generated picture of frame `number` was ready at the time `ready`. It is in time if that is
-    /// before `deadline`.
+    /// Reports that the generated picture of frame `number` was ready at the time `ready`. It is in time if `ready`
+    /// is not after `deadline`.
     pub(super) fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
         if ready > deadline {
             self.in_time = 0;
@@ -59,7 +59,7 @@ impl DeadlineChooser {
         self.last_in_time = Some(number);
     }
 
-    /// Chooses the next frame's picture. `own_ready`: its own generated picture is ready. `held_near`: the last
+    /// Chooses the next frame's picture. `own_ready`: the frame's own generated picture is ready. `held_near`: the last
     /// generated picture is close enough in pose to be shown again.
     pub(super) fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };

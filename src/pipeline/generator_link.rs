@@ -9,14 +9,14 @@ use super::parts::{FrameGenerators, Terminator};
 use super::summary::GeneratorSummary;
 use crate::render::ComputeDevice;
 
-/// A run that continues this long after its termination was requested is given up.
+/// Time after the request to terminate a run, after which a run that continues is given up.
 const GIVE_UP: Duration = Duration::from_secs(1);
 
 /// Weight of the latest run in the estimated duration.
 const WEIGHT: f64 = 0.2;
 
-/// Growth per run of the undisturbed duration, a factor: the estimate adapts to a slower generator within a dozen
-/// runs.
+/// Factor by which the estimated undisturbed duration may grow per run. The estimate adapts to a slower generator
+/// within a dozen runs.
 const FORGET: f64 = 1.0625;
 
 /// Number of consecutive frames without a wait after which the next frame always waits. Otherwise frames disturb every
@@ -223,8 +223,8 @@ impl GeneratorLink {
         }
     }
 
-    /// Terminates a run that takes too long, and gives it up if it then does not end. Returns a message if it did
-    /// either.
+    /// Requests the end of a run that takes too long, and later gives the run up if it does not end. Returns a message
+    /// for either step.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
         let (number, started) = state.busy?;

@@ -9,10 +9,10 @@ use super::clock::ms;
 /// Number of buckets per doubling of the duration; the relative error of a percentile is at most 1/32.
 const STEPS: usize = 32;
 
-/// Number of doublings that the histogram covers, from 1 µs to 36 minutes.
+/// Number of blocks of buckets: a linear block up to 32 µs, then one block per doubling, up to 19 hours.
 const DOUBLINGS: usize = 32;
 
-/// Histogram of durations, with 32 buckets per doubling from 1 µs on.
+/// Histogram of durations: buckets of 1 µs up to 64 µs, then 32 buckets per doubling.
 #[derive(Debug, Clone)]
 pub(crate) struct Histogram {
     counts: Box<[u64]>,

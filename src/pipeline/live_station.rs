@@ -113,7 +113,7 @@ impl LiveStation {
         })
     }
 
-    /// Records the session to `path`: tracker bytes, poses, settings and events. The pair is the tracker's protocol
+    /// Records the session to `path`: tracker bytes, poses, settings and events. `stream` holds the tracker's protocol
     /// and the choice of the probe's sensor; `adapter` names the rendering device. The returned slot holds the result
     /// after the session. Call this before [`Self::track`].
     ///

@@ -49,8 +49,8 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
-/// Calls such as `Renderer::submit(self, …)` below reach the inherent functions, which take precedence over the trait's
-/// functions of the same name.
+/// Calls such as `Renderer::submit(self, …)` below reach the inherent functions, because these take precedence over
+/// the trait's functions of the same name.
 impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {
         let sector = self.sector();

@@ -17,12 +17,12 @@ use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::Untouched;
 
-/// Limits of the recent frames behind the live figures: their largest number, and the longest time from their
-/// presentation to the last frame's.
+/// Limits of the recent frames behind the live figures: largest number of frames, and longest time between their
+/// presentation and the last frame's presentation.
 const RECENT: usize = 64;
 const RECENT_TIME: Duration = Duration::from_secs(3);
 
-/// A pause without frames is reported if it exceeds both the duration and this many intervals of recent frames.
+/// Limits that a pause without frames must both exceed to be reported: a duration, and a number of recent intervals.
 const SILENCE: (Duration, f64) = (Duration::from_secs(2), 3.0);
 
 /// Weight of the latest frame in the expected time from sampling to presentation.

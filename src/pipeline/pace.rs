@@ -43,7 +43,7 @@ impl Pace {
     /// Records that a frame is submitted at `now`: it uses the latest tick that is due.
     pub(super) fn ticked(&mut self, now: Duration) {
         self.due += self.period;
-        // The latest tick up to `now` is not missed: its frame is only late.
+        // The latest tick up to `now` is not missed, because the frame submitted now uses it.
         self.miss(now.saturating_sub(self.due));
     }
 

@@ -45,7 +45,7 @@ pub struct ImageShape {
 
 /// Renders frames, with at most two in flight.
 pub trait FrameRenderer: Send {
-    /// Size and scale of its images in the current configuration.
+    /// Size and scale of the images in the current configuration.
     fn shape(&self) -> ImageShape;
 
     /// Starts a frame.
@@ -83,8 +83,8 @@ pub trait FrameRenderer: Send {
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
 
-    /// Distance of the centre of the probe's face from the skin at a pose, mm; none without skin. Asked for only when
-    /// it is reported.
+    /// Distance of the centre of the probe's face from the skin at a pose, mm; none without skin. Called for reports
+    /// only.
     fn skin_distance_mm(&self, _pose: &Pose) -> Option<f64> {
         None
     }

@@ -85,7 +85,7 @@ pub enum RecordError {
 }
 
 /// Starts a recording of `station`'s session at `path`, with the text of the station file. In a replay, scene time is
-/// 0 at `start_time_ns`. The pair is the protocol of the tracker's bytes and the choice of the probe's sensor.
+/// 0 at `start_time_ns`. The pair holds the protocol of the tracker's bytes and the choice of the probe's sensor.
 /// `device` names the tracker, `adapter` the rendering device.
 ///
 /// # Errors

@@ -71,7 +71,7 @@ pub trait Part: Send {
     /// Requests the part's end, without waiting.
     fn stop(&mut self);
 
-    /// Whether its thread has ended. Polled every few ms.
+    /// Whether the part's thread has ended. Polled every few ms.
     fn has_ended(&mut self) -> bool;
 }
 

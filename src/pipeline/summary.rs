@@ -44,15 +44,15 @@ pub struct GeneratorSummary {
     pub dropped: u64,
     /// Number of frames on which the generator failed.
     pub failed: u64,
-    /// Runs over the time limit, terminated if the provider can.
+    /// Number of runs over the time limit; they are terminated if the provider can stop a run.
     pub hung: u64,
-    /// Hung runs that did not end and were given up.
+    /// Number of runs over the time limit that did not end and were given up.
     pub given_up: u64,
     /// Whether the generator did not end within its time at the session's end.
     pub stuck: bool,
 }
 
-/// Numbers of presented frames whose probe had been, for seconds, where no hand can hold it.
+/// Numbers of presented frames with a misplaced probe: where no hand can hold it, for some seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct MisplacedSummary {
     /// Number of frames whose probe face is deep in the body.
@@ -61,7 +61,7 @@ pub struct MisplacedSummary {
     pub looks_out: u64,
     /// Latest misplacement, with its likely cause; none if the probe was never misplaced.
     pub latest: Option<Misplacement>,
-    /// Good poses of a probe that has never touched the skin; none if it has, and during the first 20 s of good
+    /// Good poses of a probe that has never touched the skin. None after a touch, and during the first 20 s of good
     /// poses.
     pub untouched: Option<Untouched>,
 }
@@ -78,7 +78,7 @@ impl MisplacedSummary {
     }
 }
 
-/// Summary of a session. Percentiles are none if there is nothing to measure.
+/// Summary of a session. Percentiles are `None` if there is nothing to measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Duration of the session, from the start of its stages to the request to end, s.
@@ -107,7 +107,7 @@ pub struct Summary {
     pub by_source: [u64; 3],
     /// Numbers of presented frames by the state of their pose: good, held, stuck, stale, lost.
     pub by_tracking: [u64; 5],
-    /// Numbers of presented frames whose probe was where no hand can hold it.
+    /// Numbers of presented frames with a misplaced probe.
     pub misplaced: MisplacedSummary,
     /// Time from the first byte of the newest measurement to the handover of the frame to the sinks. Without a tracker
     /// it starts at sampling. Frames with a held or repeated pose are left out.

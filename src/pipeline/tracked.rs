@@ -144,7 +144,7 @@ impl Listener for TrackerListener {
             }
             TrackerEvent::Disconnected { .. } => lock(&self.estimator).disconnected(),
             TrackerEvent::Ended => self.stop.request("the recording is over"),
-            // The session counts the error; its bytes are in the recording.
+            // The session counts the error, and the recording has the damaged bytes.
             TrackerEvent::DecodeError(error) => tracing::debug!("tracker: {error}"),
             TrackerEvent::OnlyTool { .. } => tracing::info!("tracker: {event}"),
             _ => {}

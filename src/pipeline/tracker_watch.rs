@@ -50,18 +50,18 @@ struct State {
 #[derive(Debug)]
 struct Trouble {
     text: String,
-    /// Whether the connection is lost. Then a new connection ends the trouble, too, because a device at rest may send
+    /// Whether the trouble is a lost connection. A new connection ends such trouble, because a device at rest may send
     /// no record.
     is_lost_connection: bool,
 }
 
 impl TrackerWatch {
-    /// Counts a record of any sensor, at first as one of another sensor.
+    /// Counts a record of any sensor under `other_sensors`, until [`Self::record`] counts it for the probe.
     pub(super) fn heard(&self) {
         lock(&self.0).totals.other_sensors += 1;
     }
 
-    /// Counts a record as one of the probe's sensor, after [`Self::heard`] has counted it as another's. Ends trouble.
+    /// Counts a record of the probe's sensor, which [`Self::heard`] counted under `other_sensors`. Ends trouble.
     pub(super) fn record(&self) {
         let mut state = lock(&self.0);
         state.totals.records += 1;
@@ -95,7 +95,7 @@ impl TrackerWatch {
                 }
                 return false;
             }
-            // The end of the tracker, or a choice of sensor that is only noted.
+            // Events that need no notice: the end of the tracker, or a choice of sensor.
             _ => return false,
         };
         let text = format!("tracker: {event}");

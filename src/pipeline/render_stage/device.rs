@@ -11,9 +11,9 @@ const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::fro
 
 /// State of the device.
 pub(super) enum Device {
-    /// It renders frames.
+    /// Renders frames.
     Ready(Box<dyn FrameRenderer>),
-    /// It is lost, and reopened at the time `again`.
+    /// Lost; to be reopened at the time `again`.
     Lost { again: Duration },
 }
 

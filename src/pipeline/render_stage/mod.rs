@@ -39,7 +39,7 @@ use crate::sink::live::MapsWanted;
 /// Number of buffers of rendered frames: held by the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
 
-/// Upper limit of a frame's delay while the generator has its turn. Half a frame period applies if it is shorter.
+/// Upper limit of a frame's delay while the generator has its turn. The limit is half a frame period if that is less.
 const TURN: Duration = Duration::from_millis(250);
 
 /// A frame in flight.
@@ -166,8 +166,8 @@ impl RenderStage {
         self.end();
     }
 
-    /// Whether a generator runs on the device that renders the frames. If both worked at once, each would take twice
-    /// as long, and the generated picture would miss its frame.
+    /// Whether a generator runs on the device that renders the frames. If they ran at once, frame and run would take
+    /// twice as long, and the generated picture would miss its frame.
     fn takes_turns(&self) -> bool {
         let Device::Ready(renderer) = &self.device else { return false };
         let is_on = self.generator.is_some() && self.parts.controls.live.generator;
@@ -178,8 +178,8 @@ impl RenderStage {
     /// slower than a period gets a turn only occasionally, so at least two thirds of the set frame rate remain.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
-        // Due one period after the last frame began. If a frame and a run together take longer than a period, frames
-        // fall behind the ticks.
+        // The next frame is due one period after the last one began. If a frame and a run together take longer than a
+        // period, frames fall behind the ticks.
         let due = submit_at.max(self.begun.saturating_add(*period));
         let until = due.saturating_add((*period / 2).min(TURN));
         let shares = match (&self.device, generator) {

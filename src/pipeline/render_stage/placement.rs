@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(found, [(20, deep), (60, PlacementChange::Wrong(WRONG))]);
         let found = changes_of(|tenth| Some(if tenth < 40 || tenth % 20 < 5 { DEEP } else { WRONG }));
         assert_eq!(found, [(20, deep)], "never two seconds in a row");
-        // The time with the other fault does not count towards the second in which the placement must be right.
+        // Time with the other fault doesn't count towards the second in which the placement must be possible.
         let found = changes_of(|tenth| match tenth {
             0..40 => Some(DEEP),
             40..55 => Some(WRONG),

@@ -20,8 +20,8 @@ impl RenderStage {
         });
     }
 
-    /// Reports that the probe is where no hand can hold it, or that its placement is possible again. The first message
-    /// stays on the frames until the second.
+    /// Reports an impossible placement of the probe, or that the placement is possible again. The first message stays
+    /// on the frames until the second.
     pub(super) fn report_placement(&self, change: PlacementChange) {
         let events = &self.parts.events;
         match change {

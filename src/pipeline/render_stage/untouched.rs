@@ -30,9 +30,9 @@ pub(super) enum UntouchedChange {
     Never {
         /// Time of good poses.
         good: Duration,
-        /// Diagonal of the box around their positions, mm.
+        /// Diagonal of the box around the positions of good poses, mm.
         extent_mm: f64,
-        /// Last of these poses.
+        /// Last good pose.
         pose: Pose,
     },
     /// The probe touches the skin after all.

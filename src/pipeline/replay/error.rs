@@ -44,7 +44,7 @@ pub enum ReplayError {
         /// Index of the first frame with another depth.
         frame: usize,
     },
-    /// The times span more frames than any session has: usually a clock was wrong.
+    /// The recorded times span more frames than any session has, usually because a clock was wrong.
     #[error(
         "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {frames_max} are rendered; is a time stamp wrong?"
     )]

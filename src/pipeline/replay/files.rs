@@ -34,9 +34,9 @@ pub struct WrittenReplay<'a> {
     fps: f64,
     /// Number of frames written.
     rendered: usize,
-    /// Number of rendered frames whose pose is an earlier one, held in or just after gaps of the recording.
+    /// Number of rendered frames with a held (earlier) pose, in or just after gaps of the recording.
     held: usize,
-    /// Number of times that the recorded session changed settings within these frames.
+    /// Number of changes of settings by the recorded session within these frames.
     changes: usize,
     /// Runs of frames with the same settings, in order.
     parts: Vec<PartEntry>,

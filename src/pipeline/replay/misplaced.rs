@@ -1,4 +1,4 @@
-//! Frames of a replay in which the probe is where no hand can hold it.
+//! Frames of a replay with an impossible placement of the probe, where no hand can hold it.
 
 use crate::sink::FrameRate;
 use crate::transducer::Misplacement;

@@ -10,7 +10,7 @@ use crate::sink::FrameRate;
 /// Poses at evenly spaced times.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Timeline {
-    /// Pose of each frame; the previous frame's if it is unknown.
+    /// Pose of each frame; the previous frame's pose if the pose is unknown.
     pub poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub times_ns: Vec<u64>,
@@ -22,7 +22,7 @@ pub struct Timeline {
     held: Vec<bool>,
 }
 
-/// Most frames of a session: 28 hours at ten per second.
+/// Largest number of frames of a session: 28 hours at ten per second.
 const FRAMES_MAX: u128 = 1_000_000;
 
 impl Timeline {
@@ -38,8 +38,8 @@ impl Timeline {
         })
     }
 
-    /// Samples the poses that a live session would have known, from `first_ns` to `last_ns` at `rate`. Starts with the
-    /// first pose.
+    /// Samples the poses that a live session would have known, from `first_ns` to `last_ns` at `rate`. The first frame
+    /// has the first pose.
     ///
     /// # Errors
     /// Times that span too many frames.

@@ -26,7 +26,7 @@ impl Pipeline {
         let reason = self.stop.reason().unwrap_or_default();
         tracing::info!("the session ends: {reason}");
         let mut stuck = Vec::new();
-        // No frame begins after the request. The time that the parts take to end does not count.
+        // No frame begins after the request, so the session's duration excludes the time that parts take to end.
         let ended_at = self.stop.requested_at().unwrap_or_else(|| self.clock.now());
         let elapsed_s = ended_at.saturating_sub(self.started_at).as_secs_f64();
         end_parts(&self.clock, &mut self.before, &mut stuck);

@@ -73,8 +73,8 @@ pub struct Parts {
     pub probe: Probe,
     /// Settings of the renderer at the start.
     pub render: RenderSettings,
-    /// Controller of the operating point, which starts at the quality of `render`. None: the quality stays as set,
-    /// and the first generator runs.
+    /// Controller of the operating point, which starts at the quality of `render`. Without a controller, the quality
+    /// stays as set, and the first generator runs.
     pub points: Option<PointController>,
     /// The station's choice whether to simulate the aperture. The controller may switch the aperture off.
     pub aperture: Choice,
@@ -88,7 +88,7 @@ pub struct Parts {
     pub controls: mpsc::Receiver<Control>,
     /// Observer that records events, poses and settings; none: they are not recorded.
     pub observer: Option<Arc<dyn Observer>>,
-    /// State of the tracker, which is shown and summarised; none without one.
+    /// State of the tracker, which is shown and summarised; none without a tracker.
     pub tracker: Option<TrackerWatch>,
     /// Parts that end before all stages: the tracker.
     pub before: Vec<Box<dyn Part>>,
