@@ -45,7 +45,7 @@ pub(crate) fn begin(path: &Path) -> Result<NamedTempFile, SinkError> {
     let suffix = path.extension().map(|e| format!(".part.{}", e.to_string_lossy())).unwrap_or_else(|| ".part".into());
     let mut builder = tempfile::Builder::new();
     builder.prefix(".insonify-").suffix(&suffix);
-    // A temporary file is private by default; the final file must follow the umask.
+    // A temporary file is private by default, but the final file must follow the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(directory).map_err(SinkError::io(path))

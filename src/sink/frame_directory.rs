@@ -11,21 +11,21 @@ use crate::generator::{Channel, Input, Manifest};
 use crate::settings::SettingsGroup;
 use crate::transducer::{Probe, ProbeKind, ScanGeometry};
 
-/// A file of a frame that can't be used.
+/// Reason why a file of a frame can't be used.
 #[derive(Debug, Error)]
 pub enum FrameFileError {
     /// A grey picture can't be read.
     #[error(transparent)]
     Grey(#[from] GreyError),
-    /// A file that can't be read.
+    /// A file can't be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A file with another content.
+    /// A file has another content than expected.
     #[error("{path} {what}")]
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the fault.
         what: String,
     },
     /// A map that the generator takes is missing.
@@ -59,7 +59,7 @@ pub struct FrameDirectory {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Names of tissues; number 1 of the segmentation is the first.
+    /// Names of the tissues; number n of the segmentation is `tissues[n - 1]`.
     pub tissues: Vec<String>,
     image: Option<Vec<u8>>,
     mask: Vec<u8>,
@@ -71,7 +71,7 @@ impl FrameDirectory {
     /// Reads mask.png and, if present, bmode.png, attenuation.npy, and segmentation.png with tissues.json.
     ///
     /// # Errors
-    /// No mask, or a file that can't be read or has another size than the mask.
+    /// The mask is missing, or a file can't be read or has another size than the mask.
     pub fn read(directory: &Path) -> Result<Self> {
         let (mask, [width, height]) = read_grey(&directory.join("mask.png"))?;
         let optional = |name: &str| -> Result<Option<Vec<u8>>> {
@@ -96,7 +96,7 @@ impl FrameDirectory {
     /// Inputs of the generator that `manifest` describes.
     ///
     /// # Errors
-    /// A map that it takes is missing, or frame.json can't be used by a generator in beam coordinates.
+    /// A map that the generator takes is missing, or a generator in beam coordinates can't use frame.json.
     pub fn input(&self, manifest: &Manifest) -> Result<Input<'_>> {
         for (channel, there, file) in [
             (Channel::Image, self.image.is_some(), "bmode.png"),
@@ -108,7 +108,7 @@ impl FrameDirectory {
                 return Err(FrameFileError::Missing { variant, directory, file });
             }
         }
-        // Only models in beam coordinates ask for the record.
+        // Only models in beam coordinates need the record.
         let record = self.directory.join("frame.json");
         let scan = manifest.beam.map(|_| scan(&record, [self.width, self.height])).transpose()?.flatten();
         Ok(Input {

@@ -33,10 +33,10 @@ impl FrameFiles<'_> {
     /// | `tissues.json` | number → name; 0 is `outside` |
     /// | `attenuation.npy` | float32 [height, width], 0..=1 |
     /// | `mask.png` | 255 inside the sector |
-    /// | `lines.npy` | complex64 [scanlines, samples], baseband, placed by `lines` of `frame.json`; only if the frame carries its lines |
+    /// | `lines.npy` | complex64 [scanlines, samples], baseband; positions: `lines` in `frame.json`. Optional |
     /// | `frame.json` | the record; written last, so that its presence marks a complete directory |
     ///
-    /// A frame rendered without maps has no `segmentation.png`, `tissues.json` and `attenuation.npy`.
+    /// Without lines, `lines.npy` is missing; without maps, `segmentation.png`, `tissues.json` and `attenuation.npy`.
     ///
     /// # Errors
     /// A map that does not have the frame's size, or a file that cannot be written.

@@ -40,11 +40,11 @@ pub struct FrameRecord {
     pub contact: Option<Contact>,
     /// 98th percentile of the attenuation, by which the attenuation map was divided; 0 without maps.
     pub attenuation_p98: f32,
-    /// Number of hits and interactions that did not fit the buffers; 0 in a sound frame.
+    /// Number of hits and interactions that did not fit the buffers; 0 in a complete frame.
     pub overflows: u32,
     /// Durations of the frame's stages.
     pub times: FrameTimes,
-    /// Device that rendered it.
+    /// Device that rendered the frame.
     pub adapter: AdapterRecord,
 }
 

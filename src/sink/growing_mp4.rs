@@ -113,7 +113,7 @@ impl GrowingMp4 {
         self.block.extend_from_slice(&self.payload);
         let written = self.file.seek(SeekFrom::Start(self.length)).and_then(|_| self.file.write_all(&self.block));
         if let Err(source) = written {
-            // Removes a fragment that was cut short, so that it does not stand before a later one.
+            // Removes a fragment that was cut short, so that the next fragment follows a complete one.
             let _ = self.file.set_len(self.length);
             return Err(SinkError::io(&self.names.part)(source));
         }
@@ -129,7 +129,7 @@ impl GrowingMp4 {
         Ok(())
     }
 
-    /// Completes the file, gives it its name and returns that.
+    /// Completes the file, renames it to its final path, and returns the path.
     pub(super) fn finish(mut self) -> Result<PathBuf, SinkError> {
         self.write_fragment()?;
         let PartFile { path, part } = &self.names;

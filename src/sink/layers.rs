@@ -95,7 +95,7 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    /// Layers of `surfaces`, which belong to `scene`. Each surface comes with the mesh that is shown for it.
+    /// Layers of `surfaces`, which belong to `scene`. Each surface is paired with the mesh that is shown for it.
     pub(crate) fn of(scene: &Scene, surfaces: &[(&Surface, &Mesh)]) -> Self {
         let tissue = |surface: &Surface| tissue_of(scene, surface);
         if !scene.surfaces.iter().any(|surface| tissue(surface) == "skin") {

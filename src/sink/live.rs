@@ -1,7 +1,7 @@
 //! Live output: the interface of the sinks.
 //!
 //! A presenter hands each [`PresentedFrame`] to every sink, wrapped in an [`Arc`] that the presenter reuses once all
-//! sinks have dropped it. If a sink still holds it, the presenter takes another one.
+//! sinks have dropped it. While a sink holds the frame, the presenter fills another.
 
 use std::sync::Arc;
 

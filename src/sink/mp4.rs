@@ -80,7 +80,7 @@ impl Video {
             .bitrate(BitRate::from_bps(BIT_RATE))
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QUANTIZATION)
-            // Dark speckle must not count as background.
+            // The encoder must not treat dark speckle as background.
             .background_detection(false)
             .adaptive_quantization(false)
             .skip_frames(false)
@@ -131,7 +131,7 @@ impl Video {
         self.file.push(&self.sample, is_key, entry)
     }
 
-    /// Completes the file, gives it its name and returns that.
+    /// Completes the file, renames it to its final path, and returns the path.
     ///
     /// # Errors
     /// The disk is full, or the file cannot be renamed.

@@ -8,7 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::error::check_shape;
 use super::{SinkError, write_with};
 
-/// Compression effort: a higher one takes more time for a smaller file. All are lossless.
+/// Compression effort: a higher effort takes more time for a smaller file. Both are lossless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
     /// For frame sequences: about 10 ms for a 1386 × 1000 B-mode image.

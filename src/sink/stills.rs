@@ -46,7 +46,7 @@ impl LiveSink for Stills {
         if shown < self.next || self.left == 0 {
             return Ok(());
         }
-        // Skips periods that passed while frames were late.
+        // Advances to the next period, past periods without a frame.
         while self.next <= shown {
             self.next += self.period;
         }

@@ -3,14 +3,14 @@
 //! A foreign page in the same browser can reach the port, too. Two headers tell it apart, because browsers set them
 //! and pages can't change them.
 //!
-//! - `Host` is the name in the page's address. DNS rebinding makes a foreign name point here, and that name is refused.
-//!   Accepted are numeric addresses, `localhost`, `browser.host_name`, and the hosts in `browser.origins`. A numeric address
-//!   can't be rebound, and browsers resolve `localhost` themselves. A server on loopback accepts loopback addresses only.
-//!   Any port is valid: behind `ssh -L` or a container's mapping the browser knows another port than the server. A foreign
-//!   page gains nothing by it, because its own address would have to lead here.
-//! - `Origin` is the address of the page that makes the request. Accepted are `http://` with exactly the request's `Host`,
-//!   port included, and the entries of `browser.origins`. Another server on this computer, at another port of `localhost`,
-//!   is a foreign page. Behind an HTTPS proxy the scheme differs, so its origin must be listed.
+//! - `Host` is the name in the page's address. DNS rebinding makes a foreign name point here; such names are refused.
+//!   Accepted are numeric addresses, `localhost`, `browser.host_name`, and the hosts in `browser.origins`. A numeric
+//!   address can't be rebound, and browsers resolve `localhost` themselves. A server on loopback accepts loopback
+//!   addresses only. Any port is valid, because `ssh -L` or a container's mapping gives the browser another port than
+//!   the server's. A foreign page gains nothing by this, because its own address would have to lead here.
+//! - `Origin` is the address of the page that makes the request. Accepted are `http://` with exactly the request's
+//!   `Host` and port, and the entries of `browser.origins`. A server at another port of `localhost` is a foreign page.
+//!   Behind an HTTPS proxy the scheme differs, so the proxy's origin must be listed.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -81,7 +81,7 @@ impl Access {
 
     /// Whether the request's `Host` is a name or address of this server.
     pub(super) fn accepts_host(&self, headers: &HeaderMap) -> bool {
-        // The scheme is unknown, so a `Host` without a port may mean the default port of either.
+        // The scheme is unknown, so a `Host` without a port may mean the default port of HTTP or HTTPS.
         [false, true]
             .into_iter()
             .any(|is_https| host(headers, is_https).is_some_and(|host| self.is_own(&host) || self.is_listed(&host)))

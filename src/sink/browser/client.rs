@@ -19,9 +19,9 @@ use crate::settings::{Assignment, Control};
 
 /// Largest number of frames that are sent but not yet drawn: one is in transit while another is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
-/// Longest time to send a message; a slower page counts as gone.
+/// Longest time to send a message, after which the page counts as gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest silence of a page; after that the page counts as gone.
+/// Longest silence of a page, after which the page counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 const PING_PERIOD: Duration = Duration::from_secs(10);
 const STATS_PERIOD: Duration = Duration::from_secs(1);

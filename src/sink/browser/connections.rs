@@ -1,5 +1,5 @@
-//! Open connections in addition to the pages' WebSockets. A new one beyond the limits closes the oldest, so that
-//! silent peers keep no page out.
+//! Open connections in addition to the pages' WebSockets. A new connection beyond the limits closes the oldest
+//! connection, so that silent peers keep no page out.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,7 +21,7 @@ struct Open {
     displaced: CancellationToken,
 }
 
-/// An open connection; no longer counted when dropped.
+/// An open connection, counted until it is dropped.
 pub(super) struct Connection {
     all: Arc<Connections>,
     open: Arc<Open>,
@@ -32,8 +32,8 @@ impl Connections {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a connection of `peer`. If `peer` has too many, its oldest one is closed; if all peers together do, the
-    /// oldest of all.
+    /// Adds a connection of `peer`. If `peer` has too many connections, its oldest is closed. If all peers have too
+    /// many together, the oldest of all is closed.
     pub(super) fn enter(self: &Arc<Self>, peer: IpAddr) -> Connection {
         let mut open = self.open();
         let of_peer = open.iter().filter(|other| other.peer == peer).count();

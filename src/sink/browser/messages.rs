@@ -75,9 +75,9 @@ pub(super) enum ToPage<'a> {
         attenuation_colours: Vec<colour::Rgb>,
         /// Live settings, in the order of their values in the frames' messages.
         settings: Vec<SettingEntry>,
-        /// Displayed level of each grey level 0..=255, for each grey map.
+        /// Grey maps: for each, the displayed level of every grey level 0..=255.
         grey_maps: Vec<Vec<u8>>,
-        /// Presets of post-processing, and of exams, that have a button.
+        /// Presets of post-processing and of exams, each with a button.
         looks: &'static [Preset],
         exams: &'static [Preset],
         /// Qualities that have a button.

@@ -1,7 +1,7 @@
 //! A page that shows the live station in a browser, and lets viewers control it.
 //!
 //! The sink listens on its own thread. Frames go to each page over a WebSocket as binary messages ([`wire`] has the
-//! layout). A page acknowledges each drawn frame. At most two are in transit to it, so that a slow page skips frames.
+//! layout). A page acknowledges each drawn frame. At most two frames are unacknowledged, so a slow page skips frames.
 //! Requests of a page are small JSON messages, which are checked before they become a
 //! [`Control`](crate::settings::Control).
 
@@ -41,7 +41,7 @@ pub use sink::{BrowserMonitor, BrowserSink};
 pub struct SceneInfo {
     /// Names of the tissues; number n of a segmentation is `tissues[n - 1]`.
     pub tissues: Vec<String>,
-    /// Surfaces for the 3-D view; without them the page has none.
+    /// Surfaces for the 3-D view; without surfaces, the page has no 3-D view.
     pub surfaces: Option<ScenePacket>,
     /// Caliper measures of the scene's standard planes, by which measurements on the page can be named.
     pub measures: Vec<MeasureInfo>,

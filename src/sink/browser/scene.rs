@@ -49,7 +49,7 @@ struct Entry<'a> {
     colour: Rgb,
     /// Index of the layer; null for the probe.
     layer: Option<usize>,
-    /// Opacity relative to the layer's, 0..=1. For the probe, which is in no layer, its opacity.
+    /// Opacity relative to the layer's opacity, 0..=1; absolute for the probe, which is in no layer.
     part: f32,
     vertices: usize,
     triangles: usize,

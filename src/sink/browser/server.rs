@@ -28,7 +28,7 @@ use super::shared::Shared;
 
 /// Largest message that is accepted from a page, bytes; actual messages are far smaller.
 const MESSAGE_BYTES_MAX: usize = 4096;
-/// Longest wait for the headers of a request; then the connection is closed.
+/// Longest wait for the headers of a request, after which the connection is closed.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest duration of a connection that is no WebSocket, with all its requests and answers.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(30);

@@ -17,7 +17,7 @@ use crate::settings::{Assignment, Control, LiveSettings, SettingsError, check_of
 /// Encoded messages of one frame.
 #[derive(Debug)]
 pub(super) struct FrameSet {
-    /// Number of the set, from 1; a gap means frames that a client missed.
+    /// Number of the set, from 1. A client missed the frames whose numbers are skipped in the sets sent to it.
     pub(super) sequence: u64,
     pub(super) number: u64,
     pub(super) settings: LiveSettings,

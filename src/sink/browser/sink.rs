@@ -84,17 +84,17 @@ impl BrowserSink {
         Ok(Self { shared, frames, pool: Pool::new(usize::MAX), sequence: 0, url, local, thread })
     }
 
-    /// The address to open in a browser, with the token where one is demanded.
+    /// Address to open in a browser, with the token if one is demanded.
     pub fn address(&self) -> &str {
         &self.url
     }
 
-    /// The addresses to open at the configured origins, with the token where one is demanded.
+    /// Addresses to open at the configured origins, with the token if one is demanded.
     pub fn origin_addresses(&self) -> Vec<String> {
         self.shared.access.origin_urls()
     }
 
-    /// Address that it listens at.
+    /// Address at which the server listens.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }

@@ -13,8 +13,8 @@
 //! | 24 | f64 | side of a pixel, mm |
 //! | 32 | f64 | row of the middle of the probe's face, pixels |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
-//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 contact known, 16 new pose, 32 probe too deep, 64 looks out |
-//! | 42 | u16 × 2 | bytes of the first text and of the notice |
+//! | 41 | u8 | flags: 1 pose, 2 first byte, 4 generator run, 8 contact known; 16 new pose; 32 deep, 64 looks out |
+//! | 42 | u16 × 2 | numbers of bytes of the first text and of the notice |
 //! | 46 | u16 | number n of values of live settings |
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
@@ -23,7 +23,7 @@
 //! | 176 + 8n | u8 × width × height | the map, row-major |
 //! | | UTF-8 | a line each: name of the generator, operating point, its reason; then the notice |
 //!
-//! The maps 2 and 3 of a frame precede its grey levels, and are sent only to pages that request them.
+//! The maps 2 and 3 of a frame precede the frame's grey levels, and are sent only to pages that request them.
 
 use std::path::Path;
 use std::time::Duration;
@@ -88,7 +88,7 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
         if nth > 0 {
             out.push(b'\n');
         }
-        // Messages of other libraries may span lines; in this layout a line break ends a text.
+        // Control characters become spaces, because a line break ends a text in this layout.
         out.extend(line.bytes().map(|byte| if byte.is_ascii_control() { b' ' } else { byte }));
     }
     out.extend_from_slice(notice.as_bytes());

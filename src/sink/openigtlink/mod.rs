@@ -11,7 +11,7 @@
 //! # Frames
 //! All coordinates are RAS, mm, as in 3D Slicer. The scene stands for the patient; [`SceneAxes`] gives the directions
 //! of its axes. The image's first index runs along the probe's x (lateral), its second along the probe's z (into the
-//! body). So the image's normal is the probe's −y. Its position is that of its centre, as the protocol requires. 3D
+//! body). So the image's normal is the probe's −y. Its position is its centre, as the protocol requires. 3D
 //! Slicer therefore shows the image at the probe's pose: do *not* put it under `ProbeToScene` as well. Before the
 //! first pose, the probe is at the scene's origin.
 //!
@@ -41,13 +41,13 @@ settings! {
     /// Server settings of a station.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Settings in "openigtlink" {
-        /// Its port; 0 takes any free one.
+        /// Port of the server; 0 takes any free port.
         port: u16 = TCP_PORT, "", 0.0..=65_535.0, Everything;
 
-        /// Thickness of the image that receivers are told.
+        /// Thickness of the image slice, as sent to the clients.
         slice_mm: f64 = 1.0, "mm", 0.01..=100.0, Everything;
 
-        /// Receivers that may be connected at a time; others are turned away.
+        /// Largest number of clients connected at a time; others are turned away.
         clients_max: u32 = 16, "", 1.0..=256.0, Everything;
     }
     plain {

@@ -11,7 +11,7 @@ pub struct SceneAxes {
     pub(super) ras_from_scene: DMat3,
 }
 
-/// Letters that are no axes of a scene.
+/// Text that does not name the axes of a scene.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{text}` are no axes: expected three letters of R or L, A or P, S or I, each pair once, right-handed")]
 pub struct SceneAxesError {

@@ -12,7 +12,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
-/// Longest time in which a client reads nothing; then it is disconnected.
+/// Longest time in which a client may read nothing before it is disconnected.
 pub const STALL_LIMIT: Duration = Duration::from_secs(30);
 
 /// The system's send buffer for each client, bytes: about one frame. More would add latency.
@@ -156,7 +156,7 @@ async fn feed(
                 Ok(_) => return "it has left",
                 Err(_) => {
                     counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // Counts as dropped the frames that arrived during the write, including the newest.
+                    // The frames that arrived during the write count as dropped, including the newest.
                     counters.dropped.fetch_add(frames.borrow().next.saturating_sub(due), Ordering::Relaxed);
                     return "it read nothing for too long";
                 }

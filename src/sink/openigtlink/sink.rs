@@ -29,7 +29,7 @@ pub struct OpenIgtLink {
     probe: Probe,
     address: SocketAddr,
     latest: Arc<watch::Sender<Latest>>,
-    /// Encoded frames: one for each client, and two more.
+    /// Buffers of encoded frames: one for each client, and two more.
     pool: Pool<Encoded>,
     number: u64,
     counters: Arc<Counters>,
@@ -68,12 +68,12 @@ impl OpenIgtLink {
         Ok(Self { settings, probe, address, latest, pool, number: 0, counters, cancel, thread })
     }
 
-    /// Address that it listens at.
+    /// Address at which the server listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Counters; readable after the end.
+    /// Counters of the server; readable after the sink has ended.
     pub fn counters(&self) -> Arc<Counters> {
         Arc::clone(&self.counters)
     }

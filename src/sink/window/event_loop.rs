@@ -22,9 +22,9 @@ use crate::sink::canvas::Canvas;
 
 /// Time without a new frame after which a picture is marked as not live, unless it is frozen.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Period at which figures are updated and missing frames are looked for.
+/// Period of updates of the figures, and of checks for missing frames.
 const TICK: Duration = Duration::from_millis(500);
-/// Time after a key press during which the values it set override those of frames rendered earlier.
+/// Time after a key press during which the values set by the key override those of frames rendered earlier.
 const HOLD: Duration = Duration::from_millis(900);
 /// Largest number of consecutive attempts to rebuild lost graphics.
 const REBUILDS_MAX: u32 = 5;
@@ -202,7 +202,7 @@ impl App {
             return self.fail(event_loop, "its graphics are lost again and again; update the driver".to_owned());
         }
         tracing::warn!("the window's surface was lost; it is built anew");
-        // A window has one surface at a time: drops the old one first.
+        // Drops the old surface first, because a window has one surface at a time.
         let Some((window, graphics)) = self.window.take() else { return };
         drop(graphics);
         match Graphics::new(&window, self.display.clone()) {
@@ -232,7 +232,7 @@ impl App {
             action => {
                 self.wanted_at = Some(Instant::now());
                 let assignments = action.assignments(&self.wanted);
-                // The action keeps values in range; if not, nothing changes.
+                // The key's action keeps values in range. Otherwise the settings stay unchanged.
                 self.wanted = self.wanted.with(&assignments).unwrap_or(self.wanted);
                 if let Err(e) = self.controls.try_send(Control::Set(assignments)) {
                     tracing::warn!("a key was not followed: {e}");

@@ -36,7 +36,7 @@ pub(super) struct Drawing {
 pub(super) enum Drawn {
     /// The picture is on the screen, or the window can't be seen.
     Done,
-    /// The surface was reconfigured: draw again.
+    /// The surface was reconfigured, and the frame must be drawn again.
     Again,
     /// Surface or device is lost, and the graphics must be rebuilt.
     Lost,

@@ -17,7 +17,7 @@ const WARN: Rgb = [245, 184, 61];
 const BAD: Rgb = [201, 48, 42];
 const COLD: Rgb = [125, 183, 255];
 const PANEL: Rgb = [14, 19, 24];
-/// Nearly black; black itself would be transparent.
+/// Almost black, because black is transparent.
 const DARK: Rgb = [12, 10, 2];
 
 const MARGIN_X: f32 = 70.0;
@@ -292,7 +292,7 @@ mod tests {
         };
         assert_eq!(at(&canvas, 640, 202), WARN);
         draw(&mut canvas, Some(&good()), &Figures { banner: None, help: true, ..figures });
-        // Between the list's texts.
+        // Pixels between the texts of the key list have the panel's colour.
         let panel = (150..650).filter(|&y| at(&canvas, 640, y) == PANEL).count();
         assert!(at(&canvas, 640, 202) != WARN && panel > 250, "{panel}");
         draw(&mut canvas, Some(&good()), &Figures { banner: None, ..figures });
