@@ -1,7 +1,7 @@
 //! insonify: a real-time ultrasound simulator for training stations.
 //!
-//! A [`Scene`] holds tissues as closed surfaces. A [`Renderer`] makes a [`Frame`] of it for each [`Pose`] of a probe: the
-//! B-mode picture, a segmentation and an attenuation map. A [`Station`] is a file that describes scene, probe, tracker and displays.
+//! A [`Scene`] holds tissues as closed surfaces. A [`Renderer`] renders the scene for a probe's [`Pose`]: a [`Frame`]
+//! has B-mode picture, segmentation and attenuation. A [`Station`] file describes scene, probe, tracker and displays.
 //!
 //! # A first frame
 //!
@@ -33,26 +33,26 @@
 //! # }
 //! ```
 //!
-//! The probe lies at the origin and looks along z: pixels of the sphere are dark. More in `examples/`: a scene from arrays, a live
-//! session, a data set, a generator.
+//! The probe lies at the origin and looks along z. The fluid-filled sphere is dark. `examples/` has a scene from
+//! arrays, a live session, a data set and a generator.
 //!
 //! # Modules
 //!
 //! Data flows one way: pose → rays → segments → baseband lines → polar frame → Cartesian maps → generator → sink.
-//! A module knows only those below it here; nothing points upward.
+//! A module depends only on modules below it in this table.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`pipeline`] | live sessions, and replays of recorded ones; feature `live` |
 //! | [`chooser`] | operating points (quality and generator): their times, and the choice; feature `live` |
-//! | [`measuring`] | times and errors of frames, sweeps, the table of errors, images and generators against their targets |
+//! | [`measuring`] | times and errors of frames, sweeps, the error table; images and generators against their targets |
 //! | [`dataset`] | data sets of paired frames |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
 //! | [`presented`] | frames on their way to viewers: pose, times, pixels |
 //! | [`generator`] | models that translate frames; feature `generator` |
-//! | [`quality`], [`selftest`] | measures of pictures, known answers |
+//! | [`quality`], [`selftest`] | image quality metrics; checks against known answers |
 //! | [`exam`] | simulated sessions, scores |
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
 //! | [`transducer`] | probes and their sectors |
@@ -63,11 +63,11 @@
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; post-processing |
-//! | [`settings`](mod@settings) | every setting once |
+//! | [`settings`](mod@settings) | definition of every setting |
 //! | [`files`], [`statistics`], [`random`], [`names`] | tools |
 //!
-//! All features except `window` are on by default, and `cli` makes the program `insonify`. Without any feature, the
-//! modules for which the table names none work. The others are absent, or return an error that names the feature.
+//! All features except `window` are on by default, and `cli` makes the program `insonify`. Modules without a feature in
+//! the table always work. Without their feature, other modules are absent, or return an error that names the feature.
 //!
 //! # Units
 //!

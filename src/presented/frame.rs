@@ -63,7 +63,7 @@ pub struct PointText {
 }
 
 impl PresentedFrame {
-    /// Row of the centre of the probe's face, pixels from the upper edge. It is depth 0 of the depth scale. 0 if the
+    /// Row of the centre of the probe's face, pixels from the upper edge: depth 0 of the depth scale. Returns 0 if the
     /// mask's middle column is empty.
     pub fn face_row(&self) -> f64 {
         let width = (self.width as usize).max(1);

@@ -30,7 +30,7 @@ pub struct NewMeasurements {
     pub count: u64,
     /// Time at which the previous presented frame was sampled; all these measurements arrived after it.
     pub after: Duration,
-    /// Arrival of the first byte of the newest measurement in the frame before; none if it showed none.
+    /// Arrival of the first byte of the previous presented frame's newest measurement; none if it showed none.
     pub before: Option<Duration>,
     /// Arrival of the first byte of the measurement that was held back until a second one confirmed a jump; none
     /// without a new jump.
@@ -81,7 +81,7 @@ impl FrameInfo {
         let first_byte = self.timeline.first_byte.filter(|_| self.pose_to_present().is_some());
         let count = u32::try_from(new.count).unwrap_or(u32::MAX);
         let even = first_byte.into_iter().flat_map(move |newest| {
-            // All of them arrived after the last frame's sampling, even if `before` is much older.
+            // All new measurements arrived after the last frame's sampling, even if `before` is much older.
             let since_sampling = newest.saturating_sub(new.after);
             let step = match new.before {
                 Some(before) => {
