@@ -22,7 +22,7 @@ use super::backend::BackendArgs;
 use super::progress::Progress;
 use super::{Failure, input, output, session};
 
-/// Number of workloads whose passes are shown: one frame after another, with the station's scanlines and image.
+/// Number of workloads in the table of passes: the first four, one frame at a time, at the station's size.
 const PASSES_OF: usize = 4;
 
 /// Workloads for which both implementations of the pass `trace` are measured.
@@ -31,11 +31,11 @@ const TRACED: [&str; 2] = ["LQ", "HQ"];
 /// Number of poses of a recording that are measured.
 const POSES: usize = 12;
 
-/// Measure a station's frames on this machine: low and high quality, with and without maps, with motion, in the shape that
-/// NVIDIA's raysim states its time for, with two frames in flight, and many. A device that can trace by lanes is measured both ways.
+/// Measure a station's frame times on this machine: low and high quality, with and without maps, with motion, in the
+/// shape of NVIDIA raysim's published benchmark, with two frames in flight, and many. Tracing by lanes is timed, too.
 ///
-/// A frame's time is from its pose until all of it is in memory. On a GPU, maps are made beside paths, so that the passes'
-/// sum exceeds the frame. Nothing else should run meanwhile.
+/// A frame's time runs from its pose until the whole frame is in memory. On a GPU, maps and paths are computed in
+/// parallel, so the passes' sum exceeds the frame's time. Run nothing else meanwhile.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify bench configs/obstetric.toml\n  \
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "POSE", allow_hyphen_values = true, conflicts_with = "replay")]
     pose: Option<Pose>,
 
-    /// Frames of each kind, after ten that do not count
+    /// Frames measured of each kind, after ten uncounted ones
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: u32,
 

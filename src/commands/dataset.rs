@@ -20,14 +20,14 @@ use super::{Failure, output};
 
 /// Render paired frames of low and high quality with their maps, to train and judge generators.
 ///
-/// Phantoms, sessions of simulated hands over them, and settings are drawn from the seed; key frames of a session lie far
-/// apart. No session, and no phantom, is in both training and test. Each tuple can be rendered again from its row in the
-/// manifest, bit for bit on the same device: --verify does so. A run that was stopped goes on where it was; tuples whose files
-/// are missing or cut short are made again.
+/// The seed determines phantoms, sessions of simulated hands over them, and settings; key frames of a session lie far
+/// apart. Training and test share no session and no phantom. --verify renders tuples again from their rows in the
+/// manifest; on the same device they are equal bit for bit. A stopped run continues where it ended; tuples with missing
+/// or truncated files are made again.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Station files (TOML): probe, image, tissues and scene; frames are shared out evenly
+    /// Station files (TOML) with probe, image, tissues and scene; frames are divided evenly among them
     #[arg(required_unless_present = "verify", conflicts_with = "verify")]
     stations: Vec<PathBuf>,
 
@@ -43,23 +43,23 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", required_unless_present = "verify")]
     out: Option<PathBuf>,
 
-    /// Do part i of n, from 1/n to n/n: one job of an array; all may write to the same directory
+    /// Make only part i of n, from 1/n to n/n, as one job of an array; all jobs may write to the same directory
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     shard: Shard,
 
-    /// Phantoms to draw for a station whose scene is the obstetric one; 0: its own as it is [default: one in 40 frames, 4 at least]
+    /// Random phantoms per station with the obstetric scene; 0 keeps the station's own [default: one per 40 frames, min. 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     phantoms: Option<u32>,
 
-    /// Tuples of a session
+    /// Tuples per session
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames_per_exam: u32,
 
-    /// Share of the test, above 0 and below 1: whole phantoms, else whole sessions
+    /// Share of test tuples, above 0 and below 1; the split is by whole phantoms, else by whole sessions
     #[arg(long, value_name = "X", default_value_t = 0.1)]
     test_share: f64,
 
-    /// Rays x layers of the low quality, or a preset; of several, with commas between, tuples take one each in turn
+    /// Rays x layers of the low quality, or a preset; successive tuples take several, separated by commas, in turn
     #[arg(long, value_name = "QUALITY", default_value = "lq", value_delimiter = ',')]
     lq: Vec<FrameQuality>,
 
@@ -67,12 +67,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
     hq: FrameQuality,
 
-    /// Steering angles of the high quality: the mean of so many; even numbers are rounded down
+    /// Steering angles compounded for the high quality; even numbers are rounded down
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
     angles: u32,
 
-    /// Steering angles of the low quality: a live session's picture, the mean of its last frames with an angle each, while
-    /// the hand moves, at 10 to 30 frames a second
+    /// Steering angles of the low quality, compounded as in a live session: one angle from each of the last frames,
+    /// while the hand moves, at 10 to 30 frames per second
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
     lq_angles: u32,
 
@@ -80,11 +80,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DEG", value_parser = span)]
     span: Option<f64>,
 
-    /// Take the high quality from this data set of the same plan, for another low quality
+    /// Copy the high quality from this data set, which must have the same plan; the low quality may differ
     #[arg(long, value_name = "DIR", conflicts_with = "verify")]
     hq_from: Option<PathBuf>,
 
-    /// Render tuples of an existing data set again, and compare them and their files with the SHA-256 that it holds
+    /// Render tuples of this existing data set again, and compare them and their files with the stored SHA-256
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
     verify: Option<PathBuf>,
 
@@ -95,7 +95,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// Say what would be made, and make nothing
+    /// Print the plan without making anything
     #[arg(long)]
     dry_run: bool,
 

@@ -14,14 +14,14 @@ use super::progress::Progress;
 use super::session;
 use super::{Classify, Failure, input, output};
 
-/// Say what is wrong with a scene or a station, where, and what to do about it in the modelling program.
+/// List the faults of a scene or a station, where they are, and how to mend them in the modelling program.
 ///
-/// A scene alone is examined with the built-in tissues. A station file also tells its own tissues and where the probe
-/// starts. Its tracker and calibration are examined, too: files and ports that are not there, values that can hardly be.
-/// At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates.
+/// A scene alone is examined with the built-in tissues. A station file adds its own tissues and the probe's pose. Its
+/// tracker and calibration are examined, too, for missing files and ports, and for implausible values. At a pose (the
+/// station's or `--pose`), the aberration by the tissue in front of the probe is printed.
 ///
-/// Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and notes.
-/// Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
+/// Findings are errors (the scene is refused, or simulated wrongly), warnings (mended while loading, or wrong in
+/// places) and notes. The exit code is 1 with an error, 0 without one, and 2 if the file cannot be read.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify doctor belly.glb\n  \
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// Scene (.glb, .gltf) or station file (.toml)
     scene: PathBuf,
 
-    /// Pose of a probe whose aberration is told, as x,y,z,qw,qx,qy,qz in mm; the station's if left out
+    /// Pose of the probe at which aberration is measured, x,y,z,qw,qx,qy,qz in mm [default: the station's]
     #[arg(long, allow_hyphen_values = true)]
     pose: Option<Pose>,
 

@@ -4,11 +4,11 @@ use std::str::FromStr;
 
 use insonify::render::{Choice, Effect, EffectChoices, RenderSettings};
 
-/// Effects on or off whatever the plan finds.
+/// Effects that are forced on or off, regardless of the effect plan.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EffectArgs {
-    /// Simulate an effect or leave it out, whatever the plan finds: NAME=on, NAME=off or NAME=auto; may be given again.
-    /// `insonify plan` names the effects [default: the station's]
+    /// Simulate an effect or omit it, regardless of the effect plan: NAME=on, NAME=off or NAME=auto; may be repeated.
+    /// `insonify plan` lists the effects [default: the station's]
     #[arg(long = "effect", value_name = "NAME=CHOICE")]
     effects: Vec<Said>,
 }

@@ -24,16 +24,16 @@ use super::runtime_args::RuntimeArgs;
 use super::steps::Steps;
 use super::{Failure, output};
 
-/// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
-/// distances.
+/// Compare images with their references, or generators with their targets: PSNR, SSIM, pKL and Frechet distances.
 ///
-/// Prints the mean over images and the 5th percentile (pKL: the 95th), as the paper's table has them. With --dataset, a
-/// row for the low quality and one for each generator, on random crops and on the full field of view, with tables of
-/// tissues and of what lies behind bone. With --steadiness, how much generated frames flicker as the probe slides.
+/// Prints the mean over images and the 5th percentile (pKL: the 95th), as in the paper's table. With --dataset, prints
+/// a row for the low quality and one for each generator, on random crops and on the full field of view. Further tables
+/// hold the errors by tissue and behind bone. With --steadiness, prints how much generated frames flicker as the probe
+/// slides.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Image, or folder of images (.png, 8-bit grey); of a folder that `render` wrote, its maps are left out
+    /// Image, or folder of images (.png, 8-bit grey); in a folder written by `render`, the maps are left out
     #[arg(value_name = "A", required_unless_present_any = ["dataset", "steadiness"], requires = "references")]
     images: Option<PathBuf>,
 
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "M", conflicts_with_all = ["dataset", "steadiness"])]
     mask: Option<PathBuf>,
 
-    /// Generator (.onnx), with its manifest beside it; may be given again and again, the best last
+    /// Generator (.onnx), with its manifest in the same folder; may be repeated, the best last
     #[arg(long, value_name = "MODEL")]
     model: Vec<PathBuf>,
 
@@ -69,12 +69,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PIXELS", default_value_t = CROP_SIDE as u32, value_parser = clap::value_parser!(u32).range(16..=4096))]
     crop: u32,
 
-    /// Seed of the crops' places
+    /// Seed of the crops' positions
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Judge the high quality itself as well, rendered again N times with other random choices, 2..=64: one of these images,
-    /// and their mean
+    /// Also judge the high quality rendered again with N other seeds, 2..=64: one of these images, and their mean
     ///
     /// Their error is random, so no generator can avoid it. The mean is the best guess by PSNR; it has less speckle
     /// than any render. Takes N high-quality renders per tuple, and loads each phantom.
@@ -85,15 +84,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "STATION")]
     steadiness: Option<PathBuf>,
 
-    /// Frames of that slide, 2..=1000
+    /// Number of frames of the slide, 2..=1000
     #[arg(long, value_name = "N", default_value_t = 12, requires = "steadiness", value_parser = clap::value_parser!(u32).range(2..=1000))]
     frames: u32,
 
-    /// Pixels that the probe slides from frame to frame, 1..=100; the paper's are 0.157 mm
+    /// Displacement of the probe from frame to frame, pixels, 1..=100; a pixel of the paper is 0.157 mm
     #[arg(long, value_name = "PIXELS", default_value_t = 1, requires = "steadiness", value_parser = clap::value_parser!(u32).range(1..=100))]
     step: u32,
 
-    /// Folder for tables (table.md) and, of a data set, pictures of the best, the median and the worst tuple
+    /// Folder for tables (table.md) and, with --dataset, pictures of the best, the median and the worst tuple
     #[arg(long, value_name = "DIR", conflicts_with = "references")]
     out: Option<PathBuf>,
 
@@ -107,13 +106,13 @@ pub(crate) struct Args {
 
     /// Feature extractor for the Frechet distance (.onnx): float32 [1, 1 or 3, side, side] to [1, d]
     ///
-    /// With Inception v3 without its last layer (299 x 299 to 2048) it is the FID. It is one number for all images and has
-    /// no percentile. Features are those of the centre cut into four crops; the mask doesn't count here. A data set is
-    /// judged by the built-in network texture64 as well.
+    /// With Inception v3 without its last layer (299 x 299 to 2048), the distance is the FID. It is one number for all
+    /// images, without a percentile. Features come from the image's centre, cut into four crops; the mask is ignored.
+    /// Data sets are also judged by the built-in network texture64.
     #[arg(long, value_name = "MODEL")]
     features: Option<PathBuf>,
 
-    /// Scale of its input grey levels: signed (-1..1), unit (0..1) or grey (0..255)
+    /// Scale of the extractor's input: signed (-1..1), unit (0..1) or grey (0..255)
     #[arg(long, value_name = "SCALE", default_value_t, requires = "features")]
     features_scale: FeatureScale,
 

@@ -15,11 +15,11 @@ use super::{Failure, input, output};
 
 /// Record sessions of a simulated hand that looks for standard planes, as raw tracker bytes.
 ///
-/// For each plane the hand travels there, searches by tilting, rocking, rotating and sliding, holds the plane, places its
-/// calipers, and leaves; it trembles, drifts, and changes its pressure. The recording names its planes, by which `insonify
-/// score` scores it; events `truth.plane` say what the hand meant to do. Poses are those that the station's calibrated tracker would measure. The same station, planes, seed, duration and skill give the same file, byte for byte.
+/// For each plane, the hand travels to it, searches by tilting, rocking, rotating and sliding, holds the plane, places
+/// its calipers, and leaves. It trembles, drifts, and varies its pressure. The recording names its planes for `insonify
+/// score`, and the hand's intention in events `truth.plane`. Poses are as measured by the station's calibrated tracker.
 ///
-/// Without a station: the short sweep over the phantom that the demo plays; its key views are events.
+/// Without a station: the demo's short sweep over the phantom, with its key views as events.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify exam configs/obstetric.toml --planes head,abdomen,femur --skill novice --seed 7 --out exam.mcap\n  \
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", requires = "station", allow_negative_numbers = true)]
     duration: Option<f64>,
 
-    /// Whose hand: novice, trained, expert, or mixed (by the seed)
+    /// Skill of the hand: novice, trained, expert, or mixed (by the seed)
     #[arg(long, value_name = "SKILL", default_value = "expert", requires = "station")]
     skill: Skills,
 
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     #[arg(long, requires = "station")]
     shuffle: bool,
 
-    /// Sessions to make, 1..=1000000, with seeds from --seed up, and sessions.json that lists them
+    /// Number of sessions, 1..=1000000, with consecutive seeds from --seed on; sessions.json lists them
     #[arg(long, value_name = "N", requires = "station", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     sessions: Option<u32>,
 

@@ -12,10 +12,10 @@ use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, input, output, session};
 
-/// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images with the station's
-/// look, times, transforms.
+/// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: post-processed images,
+/// times, transforms.
 ///
-/// Events, planes, measurements and texts of the recording have no place in a sequence.
+/// A sequence cannot hold the recording's events, planes, measurements and texts.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  \
                         insonify export assets/exams/obstetric_sweep.mcap configs/obstetric.toml --frames ..40 --out sweep.igs.mha")]

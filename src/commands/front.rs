@@ -16,14 +16,14 @@ use super::{Classify, Failure, input, output, session};
 
 /// Recording whose motion is used for stations without one.
 const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
-/// Make the table of errors that live sessions choose their operating point from.
+/// Make the table of errors from which live sessions choose their operating point.
 ///
-/// For each station: moments of its recording at which the probe is at rest, moves slowly, and moves fast (without a
-/// recording its own pose, turned about the beam, to which the probe has moved as a hand in the recording of --motion
-/// does); a converged reference of 9 angles with all effects at each; and the error of live frames against it, by speed:
-/// rays x layers x angles of rolling compounding, some of them without the aperture, and the station's generators on the
-/// frames that they were trained for. The frames of a rolling picture are made at the probe's earlier poses at the
-/// station's frame rate. The table holds no times: sessions measure them.
+/// For each station, poses are chosen at which the probe rests, moves slowly and moves fast: from its recording, or
+/// else its own pose, turned about the beam and with the motion of --motion. At each pose, live frames are compared
+/// with a converged reference of 9 angles with all effects. Operating points are rays x layers x angles of rolling
+/// compounding, some of them without the effect aperture, and the station's generators on the frames that they were
+/// trained for. A rolling picture compounds frames at the probe's earlier poses, at the station's frame rate. The table
+/// holds errors by speed, but no times: sessions measure those.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -47,19 +47,19 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     angles: Vec<u32>,
 
-    /// Recording (.mcap) by which probes without one move
+    /// Recording (.mcap) whose motion is used for stations without a recording
     #[arg(long, value_name = "FILE", default_value = MOTION)]
     motion: PathBuf,
 
-    /// Table whose other stations are kept
+    /// Table to update: its other stations are kept
     #[arg(long, value_name = "FILE")]
     merge: Option<PathBuf>,
 
-    /// Stop after about so many minutes; the same command with --resume goes on
+    /// Stop after about this many minutes; the same command with --resume continues
     #[arg(long, value_name = "N")]
     minutes: Option<u16>,
 
-    /// Keep what was measured before with the same station, scene, models, poses and version
+    /// Reuse results measured before with the same station, scene, models, poses and version
     #[arg(long)]
     resume: bool,
 

@@ -16,10 +16,10 @@ use super::{Classify, Failure, input, output};
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Model (.onnx); its manifest is the .toml of the same name beside it
+    /// Model (.onnx); its manifest is the .toml file of the same name in the same folder
     model: PathBuf,
 
-    /// Directory of a frame to apply it to: mask.png and of bmode.png and the maps those that it takes, as `insonify render` writes
+    /// Directory of a frame to translate, from `insonify render`: mask.png, and bmode.png and maps as the model needs
     #[arg(long, value_name = "DIR")]
     frame: Option<PathBuf>,
 

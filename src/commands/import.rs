@@ -11,9 +11,9 @@ use super::{Failure, input, output};
 
 /// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv, .tsv).
 ///
-/// Poses are taken as scene_from_probe: the sequence's tracker frame becomes the scene's. Where the recording is played, a
-/// station's calibration is not applied to them. Neither file holds planes, measurements or texts of a session; a sequence
-/// holds no events either.
+/// Poses are read as scene_from_probe: the sequence's tracker frame becomes the scene's frame. On playback, a station's
+/// calibration is not applied to them. Neither kind of file holds planes, measurements or texts of a session; a
+/// sequence holds no events either.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

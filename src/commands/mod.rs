@@ -60,7 +60,7 @@ pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// Say more on stderr; twice for everything. RUST_LOG, where set, decides instead.
+    /// Print more to stderr; given twice, print everything. RUST_LOG, if set, overrides this option.
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
 }

@@ -29,7 +29,7 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
 
-    /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.24; the message says the least)
+    /// Number of triangles relative to the full phantom, 0.01..=20; refused if fine parts would be lost (below ~0.24)
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     scale: f64,
 
@@ -61,15 +61,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     fat: Option<f64>,
 
-    /// How strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median
+    /// Aberration by the abdominal wall: a median of 13, 45 or 71 ns RMS over 30 mm of aperture
     #[arg(long, value_name = "WALL", default_value = Parameters::default().wall.name(), value_parser = wall())]
     wall: Wall,
 
-    /// Fill the gap between the recti with fat: a lens that doubles what lies behind the midline
+    /// Fill the gap between the rectus muscles with fat: a lens that doubles structures behind the midline
     #[arg(long)]
     recti_lens: bool,
 
-    /// Seed of what differs from one individual to the next
+    /// Seed of the variation between individuals
     #[arg(long, value_name = "N", default_value_t = Parameters::default().seed)]
     seed: u64,
 

@@ -14,7 +14,7 @@ use super::effects::EffectArgs;
 use super::sweep_bar::SweepBar;
 use super::{Failure, output, quality, session};
 
-/// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
+/// List the effects that a scene needs, with the reason, the error of a frame without each effect, and its cost in ms.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -34,7 +34,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// Decide only: no device is opened, no frame rendered
+    /// Only decide: open no device and render no frame
     #[arg(long)]
     no_measure: bool,
 

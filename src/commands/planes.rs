@@ -8,10 +8,10 @@ use insonify::station::{PlaneScene, Station};
 
 use super::{Failure, output};
 
-/// List the standard planes of a station's scene: where they are, how near counts, and what is measured there.
+/// List the standard planes of a station's scene: their positions, tolerances and measurements.
 ///
-/// The obstetric phantom knows its planes. Any other scene brings them in a file beside its glTF file: SCENE.glb has
-/// SCENE.planes.json. Planes are those of the scene at rest. --json prints a whole such file, to start from.
+/// The planes of the obstetric phantom are built in. Other scenes have them in a file next to the glTF file:
+/// SCENE.planes.json for SCENE.glb. Planes refer to the scene at rest. --json prints such a file as a starting point.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify planes configs/obstetric.toml\n  \
@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,
 
-    /// Print the planes as the file beside a scene has them
+    /// Print the planes in the format of SCENE.planes.json
     #[arg(long)]
     json: bool,
 }

@@ -16,9 +16,9 @@ use super::{Classify, Failure, output, session};
 
 /// Image the QA phantom and measure it as a scanner's service does: distances, resolution, contrast, cysts, penetration.
 ///
-/// The station's scene is the phantom of configs/qa_phantom.toml and its probe is linear, over the middle of the phantom.
-/// Change frequency, aperture, focus, gain or quality in a copy of that file to see what each does. Everything is read off
-/// displayed images, several along the targets, whose levels are averaged.
+/// The station's scene is the phantom of configs/qa_phantom.toml, and its probe is linear, over the middle of the
+/// phantom. Change frequency, aperture, focus, gain or quality in a copy of that file to see their influence.
+/// Everything is measured in displayed images: several along the targets, whose levels are averaged.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify qa configs/qa_phantom.toml\n  \
@@ -28,7 +28,7 @@ pub(crate) struct Args {
     /// Station file (TOML) with the QA phantom as its scene
     station: PathBuf,
 
-    /// Images to average, evenly from 20 mm on one side to 20 mm on the other along the targets
+    /// Number of averaged images, evenly spaced along the targets from -20 mm to 20 mm
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=64))]
     images: u16,
 

@@ -23,15 +23,15 @@ const POLL: Duration = Duration::from_millis(250);
 /// Largest number of tracker events printed per status check.
 const TOLD: usize = 4;
 
-/// Record a tracker's bytes as they come, until Ctrl-C, or the duration or the stream is over.
+/// Record a tracker's raw bytes until Ctrl-C, or until the duration or the stream ends.
 ///
-/// The tracker is the station's, or one chosen here as for `insonify trackers`; --stdin takes bytes from a pipe. One that
-/// is not there yet is waited for, and one that goes away is found again. The recording keeps the station file, so that
-/// it can be replayed without it. While it runs its file is called FILE.part; after a kill that holds all but the last
-/// second.
+/// The tracker is the station's, or one chosen by options as for `insonify trackers`; --stdin takes bytes from a pipe.
+/// The command waits for a missing tracker, and reconnects to a lost one. The recording contains the station file, so
+/// it can be replayed without that file. While the command runs, the recording is called FILE.part; after a kill,
+/// FILE.part lacks at most the last second.
 ///
-/// The exit code is 1 without a record of the probe: if the tracker sent nothing, if its bytes hold no record, and if several
-/// sensors were heard and none is chosen. The recording is kept.
+/// The exit code is 1 if there is no record of the probe: the tracker sent nothing, its bytes hold no record, or
+/// several sensors sent records and none is chosen. The recording is kept.
 #[derive(Debug, Parser)]
 #[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {
@@ -45,11 +45,11 @@ pub(crate) struct Args {
     #[command(flatten)]
     tracker: TrackerArgs,
 
-    /// Take the bytes from stdin; they are of --protocol, or else of the station's tracker's
+    /// Read the bytes from stdin, in the protocol of --protocol, or else of the station's tracker
     #[arg(long, conflicts_with_all = ["port", "address", "baud"])]
     stdin: bool,
 
-    /// End after so many seconds, up to 31 days
+    /// End after this many seconds, up to 31 days
     #[arg(long, value_name = "S", value_parser = input::seconds, allow_negative_numbers = true)]
     duration: Option<Duration>,
 
@@ -194,8 +194,8 @@ fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
     }
 }
 
-/// Prints the status until the recording ends. Returns the reason for the end, and the totals. `is_only`: no sensor is
-/// chosen, so only a single one can be the probe.
+/// Prints the status until the recording ends. Returns the reason for the end, and the totals. With `is_only`, no
+/// sensor is chosen, so the probe must be the only one.
 fn wait(
     runtime: &Runtime,
     mut signals: StopSignals,

@@ -26,8 +26,8 @@ pub(crate) struct Args {
 
     /// Pose of the probe in the scene: x,y,z,qw,qx,qy,qz [default: the station's own]
     ///
-    /// x, y, z: centre of the probe's face in mm, within ±100000. qw, qx, qy, qz: a unit quaternion (norm 1 ± 0.001) that
-    /// turns probe axes into scene axes. The probe's z axis looks into the body, x runs along the scanlines' fan, y across.
+    /// x, y, z: centre of the probe's face in mm, within ±100000. qw, qx, qy, qz: a unit quaternion (norm 1 ± 0.001)
+    /// that turns probe axes into scene axes. The probe's z axis points into the body, x is lateral, y elevational.
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pose: Option<Pose>,
 
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
 
-    /// When to show a scene that moves, s: hearts beat, mothers breathe; at 0 all is at rest
+    /// Time of the scene's motion (heartbeat, breathing), s; at 0 everything is at rest
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
 
@@ -51,7 +51,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", default_value = "out/render")]
     out: PathBuf,
 
-    /// Print what frame.json holds, and the files, as JSON
+    /// Print the contents of frame.json, and the files, as JSON
     #[arg(long)]
     json: bool,
 }

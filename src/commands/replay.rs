@@ -11,13 +11,13 @@ use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, session};
 
-/// Replay a recorded session over a station's scene: a PNG a frame, and a video.
+/// Replay a recorded session over a station's scene: one PNG per frame, and a video.
 ///
-/// The raw tracker bytes of the recording run through decoder, calibration and filter of a live session, each frame as if
-/// it were shown at once, and what was set while it was recorded is set again at its time. Frames have the station's
-/// look: compounding one angle a frame, persistence, filters, grey map. At another frame rate than the live session's,
-/// compounding and persistence span another time. The same recording, station and
-/// seed give the same frames, at any speed. No generator runs. A truncated or damaged recording is used as far as it is whole, and what is missing is said.
+/// The recording's raw tracker bytes pass through the decoder, calibration and filter of a live session, without
+/// display latency. Settings changed in the session change again at the same time. Frames have the station's
+/// post-processing: compounding of one angle per frame, persistence, filters, grey map. At another frame rate than the
+/// live session's, compounding and persistence span a different time. Frames depend only on recording, station and
+/// seed, not on the speed. No generator runs. Of a truncated or damaged recording, the intact part is used.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -39,7 +39,7 @@ pub(crate) struct Args {
     #[arg(long)]
     maps: bool,
 
-    /// Print what replay.json holds, less its list of frames
+    /// Print the contents of replay.json, without its list of frames
     #[arg(long)]
     json: bool,
 }

@@ -45,8 +45,8 @@ pub(crate) struct ReplayArgs {
     #[arg(long)]
     raw_poses: bool,
 
-    /// Leave alone what was set while it was recorded: gain, dynamic range, TGC, freeze, depth, focus,
-    /// look, harmonics, quality
+    /// Ignore settings that were changed in the recorded session: gain, dynamic range, TGC, freeze, depth, focus, look,
+    /// harmonics, quality
     #[arg(long)]
     ignore_controls: bool,
 }

@@ -29,17 +29,17 @@ use super::{Classify, Failure, input, live, output, session, terminal};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
-/// The first Ctrl-C ends the session in order and prints what it did; the second ends it at once. A closed terminal or a
-/// lost connection (SIGHUP) ends it in order, too, except after `nohup`.
+/// The first Ctrl-C ends the session in order and prints a summary; the second ends it at once. A closed terminal or a
+/// lost connection (SIGHUP) also ends it in order, except after `nohup`.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,
 
-    /// Play this recording (.mcap) in place of the station's tracker, in real time, through the same decoder, calibration
-    /// and filter; the session ends with it. What was set while it was recorded (gain, depth, freeze ...) is left alone:
-    /// `insonify replay` applies it
+    /// Play this recording (.mcap) instead of the station's tracker, in real time, through the same decoder,
+    /// calibration and filter; the session ends with it. Settings changed in the recorded session (gain, depth, freeze
+    /// ...) are ignored; `insonify replay` applies them
     #[arg(long, value_name = "FILE", conflicts_with = "pose")]
     replay: Option<PathBuf>,
 
@@ -81,7 +81,7 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
 
-    /// Show what is rendered, whatever generators the station names
+    /// Show rendered frames, and ignore the station's generators
     #[arg(long)]
     no_generator: bool,
 

@@ -22,12 +22,12 @@ use super::{Failure, input, output, session};
 
 /// Compare a recorded session with the standard planes of the station's scene.
 ///
-/// For each plane: whether it was found (within its tolerances for a second, the probe on the skin), when, how far off the
-/// best second was, how steady it was held, and what would be measured there against the truth. Scored are the planes that
-/// the recording names (as those of `insonify exam` do), else all of the scene. Measurements of the session, made on the
-/// page, are compared with the truth, too; its texts and body marks are listed. What counts is what was on the screen:
-/// depth and freeze as they were set in the session. Planes are those of the scene at rest: that a mother's breath moves
-/// them is not taken out.
+/// For each plane, states whether and when it was found (within its tolerances for a second, with the probe on the
+/// skin), and the deviation, steadiness and measurement errors of the best second. The planes that the recording names
+/// are scored (as recordings by `insonify exam` do), else all planes of the scene. Measurements made in the session are
+/// compared with true values, too; its texts and body marks are listed. The displayed picture counts, with depth and
+/// freeze as set in the session. Planes are those of the scene at rest: their motion by the mother's breathing is not
+/// compensated.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify score session.mcap configs/obstetric.toml --out session.html\n  \
@@ -42,11 +42,11 @@ pub(crate) struct Args {
     /// Station file (TOML) whose scene has standard planes
     station: PathBuf,
 
-    /// Planes that count, or `all` of the scene [default: those that the recording names, else all of the scene]
+    /// Planes to score, or `all` [default: those that the recording names, else all planes of the scene]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',', value_parser = input::plane)]
     planes: Vec<String>,
 
-    /// Also write a page to look at (.html), with pictures of how far off the probe was and where it went
+    /// Also write a page (.html) with pictures of the probe's deviations and path
     #[arg(long, value_name = "FILE", value_parser = input::html)]
     out: Option<PathBuf>,
 

@@ -17,7 +17,7 @@ use super::{Failure, input, output};
 /// Render small scenes whose answers are known, and compare: Snell, Fresnel, time of flight, attenuation, the point-spread
 /// function, speckle, shadows, maps, determinism. It takes less than a minute.
 ///
-/// Run it on a new machine, after an update of the graphics driver, and before an examination counts.
+/// Run it on a new machine, after an update of the graphics driver, and before a graded examination.
 #[derive(Debug, Parser)]
 #[command(after_help = "Exit codes: 0 all checks passed; 1 one did not; 2 no device.\n\n\
                         Examples:\n  \

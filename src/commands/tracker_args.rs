@@ -22,7 +22,7 @@ pub(crate) struct TrackerArgs {
     #[arg(long, conflicts_with = "address", requires = "protocol")]
     pub(crate) port: Option<PortName>,
 
-    /// host:port of a tracker that is a TCP server; for opentrack where to listen
+    /// host:port of a tracker's TCP server; for opentrack, the address to listen on
     #[arg(long, requires = "protocol")]
     pub(crate) address: Option<String>,
 
@@ -32,11 +32,11 @@ pub(crate) struct TrackerArgs {
     #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(BAUD_RANGE), help = baud_help())]
     pub(crate) baud: Option<u32>,
 
-    /// Station or port handle that is the probe [default: 1 of Polhemus devices, else the only one that reports]
+    /// Sensor of the probe: station or port handle [default: 1 on Polhemus devices, else the only one that reports]
     #[arg(long, value_name = "N")]
     pub(crate) sensor: Option<u16>,
 
-    /// Tool that is the probe, by its OpenIGTLink name, as ProbeToTracker [default: the only one that reports]
+    /// Tool of the probe, by its OpenIGTLink name, such as ProbeToTracker [default: the only one that reports]
     #[arg(long, value_name = "NAME", conflicts_with = "sensor")]
     pub(crate) tool: Option<String>,
 }

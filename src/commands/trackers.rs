@@ -16,12 +16,12 @@ use tokio_util::sync::CancellationToken;
 use super::tracker_args::{self, ASCII_LINE_HELP, TrackerArgs};
 use super::{Classify, Failure, output};
 
-/// List serial ports and HID devices, or print what a tracker says.
+/// List serial ports and HID devices, or print a tracker's data.
 ///
-/// With a station file or --port or --address, live poses are printed until Ctrl-C: the rate of the records, the jitter
-/// and the longest of the times between them, records lost and damaged, and the last pose in the tracker's own frame.
-/// Where several sensors or tools are heard, each has a line with its rate, whether it is valid, and its position; --sensor
-/// or --tool names the probe. Without a record of the probe the exit code is 1.
+/// With a station file, --port or --address, live poses are printed until Ctrl-C: the records' rate, jitter and longest
+/// interval, lost and damaged records, and the last pose in the tracker's own frame. If several sensors or tools
+/// report, each has a line with its rate, validity and position; --sensor or --tool selects the probe. Without a record
+/// of the probe, the exit code is 1.
 #[derive(Debug, Parser)]
 #[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {
@@ -32,11 +32,11 @@ pub(crate) struct Args {
     #[command(flatten)]
     tracker: TrackerArgs,
 
-    /// Stop after so many seconds, 0.1..=86400
+    /// Stop after this many seconds, 0.1..=86400
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seconds: Option<f64>,
 
-    /// Print JSON: the list, or a line for each half second
+    /// Print JSON: the list, or a line every half second
     #[arg(long)]
     json: bool,
 }

@@ -15,18 +15,18 @@ use super::{Failure, input, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
-/// First renders a reference of some poses: all effects, 9 angles, the 3 layers of HQ unless more change the levels, and so many
-/// rays that doubling them changes little. That change is measured and printed. Then turns rays and
-/// layers in a small grid; some of its points also compounded, compounded while the probe moves as in the recording (one
-/// angle a frame, as in a live session), without the aperture, and with all effects that the scene does not call for; and
-/// every other knob alone about 8 x 3. A station's generators run on top of the frames that they were trained for. The
-/// receiver's noise is left out: it is no error of the picture.
-/// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
-/// goes by the error of pixels: the reference has little speckle.
+/// First renders a reference at some poses: all effects, 9 angles, the 3 layers of HQ unless more change the levels,
+/// and enough rays that doubling them changes little. That change is printed. Then varies rays and layers in a small
+/// grid. Some grid points are measured in variants, too: compounded, compounded while the probe moves as in the
+/// recording (one angle per frame, as in a live session), without the effect aperture, and with all effects. Every
+/// other knob is varied alone, around 8 x 3. A station's generators run on the frames that they were trained for. The
+/// receiver's noise is omitted, because it is no error of the picture. Each point gets a time (with maps, from the call
+/// until the frame is in memory) and an error within the sector. The Pareto front uses the error of pixels, because the
+/// reference has little speckle.
 ///
 /// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
-/// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1. It does the
-/// same for the steps of a look: what they leave of speckle, noise and the width of a point.
+/// without each effect that the theory covers, and states the effect's cost in the station's scene at 1 x 1. Steps of
+/// the look (post-processing) are compared likewise, by the remaining speckle and noise, and the width of a point.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// Keep what the folder holds of an earlier run of the same station, scene, models, poses, machine and version
+    /// Reuse results in the folder from an earlier run with the same station, scene, models, poses, machine and version
     #[arg(long)]
     resume: bool,
 }

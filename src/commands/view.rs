@@ -22,8 +22,8 @@ use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
 ///
-/// Needs no GPU, except for --bmode. What encloses the organs or the fetus is transparent, or hidden except in sections:
-/// fat, soft tissue, and in scenes with a fetus also muscle. --opacity shows it.
+/// Needs no GPU, except for --bmode. Layers that enclose the organs or the fetus are transparent, or hidden except in
+/// sections: fat, soft tissue, and in scenes with a fetus also muscle. --opacity shows them.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -41,7 +41,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", default_value = "out/view.png")]
     out: PathBuf,
 
-    /// From where: fan, probe, front, back, left, right, top, bottom, or anterior, posterior, cranial, caudal [default: fan; front without a probe]
+    /// Viewing direction: fan, probe, front, back, left, right, top, bottom, or anterior, posterior, cranial, caudal [default: fan; front without a probe]
     #[arg(long, value_name = "DIRECTION")]
     from: Option<Direction>,
 
@@ -49,11 +49,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "AZ,EL", allow_hyphen_values = true)]
     orbit: Option<Orbit>,
 
-    /// Leave out surfaces, by their names, their tissues' or their layers'
+    /// Hide surfaces, by the names of surfaces, tissues or layers
     #[arg(long, value_name = "NAME", num_args = 1..)]
     hide: Vec<String>,
 
-    /// Show these alone, by their names, their tissues' or their layers'
+    /// Show only these surfaces, by the names of surfaces, tissues or layers
     #[arg(long, value_name = "NAME", num_args = 1..)]
     only: Vec<String>,
 
@@ -61,7 +61,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME=PERCENT", num_args = 1..)]
     opacity: Vec<Opacity>,
 
-    /// Take away what lies before a plane: fan, or x=MM, y=MM, z=MM
+    /// Remove everything in front of a plane: fan, or x=MM, y=MM, z=MM
     #[arg(long, value_name = "PLANE", allow_hyphen_values = true)]
     cut: Option<Cut>,
 

@@ -14,25 +14,25 @@ use super::super::{Classify, Failure, input, output};
 use super::touch::{self, TouchArgs};
 use super::{OutputArgs, calibration_file, write};
 
-/// Fit where the tracker is in the scene to landmarks known in both.
+/// Fit the transform from tracker to scene (scene_from_tracker) to landmarks known in both.
 ///
-/// PAIRS is a table with a line for each landmark: x,y,z in the scene, tx,ty,tz as the tracker measures the same point (of
-/// a stylus: its tip), and its name. A line of column names may order them otherwise, name a unit (x_m, tx_cm; mm without
-/// one), or give the scene's points along the patient's axes (r,a,s or l,p,s; they are taken in LPS, and with --station
-/// turned into the axes of its scene). Fields are separated by commas, semicolons or tabs; numbers have a decimal point.
-/// Three landmarks are needed, six or more are better, well around the field and not in one plane.
+/// PAIRS is a table with a line for each landmark: its position x,y,z in the scene, its position tx,ty,tz as measured
+/// by the tracker (the tip of a stylus), and its name. A header line may change the order, name a unit (x_m, tx_cm;
+/// default mm), or give scene points along the patient's axes (r,a,s or l,p,s). Such points are converted to LPS, or
+/// with --station to the axes of its scene. Fields are separated by commas, semicolons or tabs; numbers have a decimal
+/// point. Three landmarks are needed; six or more are better, spread around the imaged region and not in one plane.
 ///
-/// With --tracker they are touched instead, one after the other, with a stylus or the probe's face: each line of the
-/// input (Enter) takes the landmark that is asked for, once the tip is held still. `back` takes the last one again, `again
-/// NAME` any other. From the fourth on the residuals are shown; from the fifth on landmarks that were likely mixed up are
-/// named. The result goes into the calibration file that the station names, unless --out names another.
+/// With --tracker, the user touches the landmarks one after another with a stylus or the probe's face. Enter takes the
+/// requested landmark once the tip is held still; `back` repeats the last landmark, `again NAME` any other. Residuals
+/// are shown from the fourth landmark on, likely mix-ups from the fifth on. The result goes into the station's
+/// calibration file, unless --out names another.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)
     #[arg(conflicts_with = "tracker")]
     pairs: Option<PathBuf>,
 
-    /// Station whose scene PAIRS is about (TOML): points along the patient's axes are turned into the scene's
+    /// Station (TOML) whose scene has the landmarks: converts points along the patient's axes to the scene's axes
     #[arg(long, value_name = "STATION", conflicts_with = "tracker")]
     station: Option<PathBuf>,
 
@@ -65,8 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     fit(&in_scene(found, station.as_ref(), path)?, path, &args.output)
 }
 
-/// Turns landmarks into the axes of the station's scene; without a station they stay in LPS. `path` is the landmarks'
-/// file, for errors.
+/// Converts landmarks in LPS to the axes of the station's scene; without a station they stay in LPS. `path` is the
+/// landmarks' file, for messages.
 fn in_scene(
     found: Listed<Named<PointPair>>,
     station: Option<&Station>,

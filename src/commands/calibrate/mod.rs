@@ -18,10 +18,10 @@ use insonify::station::Station;
 
 use super::{Classify, Failure};
 
-/// Find where the tracker is in the scene, and how a stylus or a probe is at its sensor.
+/// Fit the position of the tracker in the scene, and the mounting of a stylus or a probe on its sensor.
 ///
-/// With --out the result goes into a calibration file that a station names in `[calibration] path`; what else the file
-/// holds stays as it is.
+/// With --out the result goes into a calibration file, which a station names in `[calibration] path`. Other entries of
+/// that file stay unchanged.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -46,7 +46,7 @@ enum What {
     Probe(probe::Args),
 }
 
-/// Options that every calibration has.
+/// Options common to all calibrations.
 #[derive(Debug, clap::Args)]
 struct OutputArgs {
     /// Calibration file to write, or to change (TOML)

@@ -14,10 +14,10 @@ use super::{OutputArgs, poses, write};
 /// Find the tip of a stylus, or the centre of a probe's face, in the frame of its sensor.
 ///
 /// Rest the tip in a dimple and tilt the stylus to all sides while the tracker is recorded. POSES is that recording
-/// (.mcap), or a table of the sensor's poses in the tracker's frame with the columns x,y,z,qw,qx,qy,qz in any order (mm, or
-/// with a unit as x_m; unit quaternion). Without a line of column names they are in this order. Rows that are empty, NaN or
-/// zero, or whose `status` is invalid, are left out. With --of probe the probe was turned about the centre of its face; its
-/// axes come from `insonify calibrate probe`.
+/// (.mcap), or a table of the sensor's poses in the tracker's frame. The table has the columns x,y,z,qw,qx,qy,qz, in
+/// any order if a header line names them: positions in mm (or another unit, as x_m), and a unit quaternion. Rows that
+/// are empty, NaN or zero, or whose `status` is invalid, are left out. With --of probe, the probe was tilted about the
+/// centre of its face; its axes come from `insonify calibrate probe`.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Poses of the pivoting sensor (MCAP recording or CSV)
@@ -33,9 +33,9 @@ pub(crate) struct Args {
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Of {
-    /// Its tip goes to [stylus] tip_mm
+    /// The tip is written to [stylus] tip_mm
     Stylus,
-    /// The centre of its face goes to [sensor_from_probe] position_mm; the quaternion there stays
+    /// The centre of the face is written to [sensor_from_probe] position_mm; the quaternion there is kept
     Probe,
 }
 

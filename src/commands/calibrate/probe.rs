@@ -14,17 +14,17 @@ use super::{OutputArgs, guided, poses, write};
 
 /// Find the centre of a probe's face and the probe's axes in the frame of its sensor.
 ///
-/// Needs a dimple that stays where it is, as one drilled into a plate, and up to four recordings (.mcap) or tables of the
-/// sensor's poses (columns x,y,z,qw,qx,qy,qz, as `calibrate pivot` takes them):
+/// Needs a fixed dimple, such as one drilled into a plate, and up to five recordings (.mcap) or tables of the sensor's
+/// poses (columns x,y,z,qw,qx,qy,qz, as for `calibrate pivot`):
 ///
-/// PIVOT: the middle of the face rests in the dimple, the probe is tilted to all sides. --marker-end, --other-end: the
-/// ends of the face rest in the same dimple, one after the other. --spin: the probe is held upright and turned about its
-/// own long axis, a quarter turn each way or more. A convex face whose arc is at least 4 mm high needs no --spin; with it
-/// the beam is more certain. In place of the ends, --slide takes a straight slide sideways along a ruler, the marker's
-/// side ahead. Together with the ends, it checks which end is at the marker.
+/// PIVOT: the middle of the face rests in the dimple, and the probe is tilted to all sides. --marker-end, --other-end:
+/// the ends of the face rest in the same dimple, one after the other. --spin: the probe is held upright and turned
+/// about its own long axis, a quarter turn each way or more. A convex face whose arc is at least 4 mm high needs no
+/// --spin, which still makes the beam's axis more certain. --slide: the probe slides straight sideways along a ruler,
+/// the marker's side ahead. It replaces the two ends; together with them, it checks which end is at the marker.
 ///
-/// With --tracker they are recorded one after the other from the station's tracker, as the program asks for them. The
-/// result goes into the calibration file that the station names, unless --out names another.
+/// With --tracker, the program asks for the steps one after another, and records them from the station's tracker. The
+/// result goes into the station's calibration file, unless --out names another.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Poses of tilting the probe about the middle of its face
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     #[arg(long, requires = "tracker")]
     sensor: Option<u16>,
 
-    /// Tool that is the probe, by its OpenIGTLink name [default: the station's]
+    /// OpenIGTLink name of the probe's tool [default: the station's]
     #[arg(long, value_name = "NAME", requires = "tracker", conflicts_with = "sensor")]
     tool: Option<String>,
 

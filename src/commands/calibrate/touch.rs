@@ -46,15 +46,15 @@ pub(super) struct TouchArgs {
     #[arg(long, requires = "tracker")]
     sensor: Option<u16>,
 
-    /// Tool that is the stylus, by its OpenIGTLink name [default: the station's]
+    /// OpenIGTLink name of the stylus's tool [default: the station's]
     #[arg(long, value_name = "NAME", requires = "tracker", conflicts_with = "sensor")]
     tool: Option<String>,
 
-    /// Poses that are averaged, 2..=10000
+    /// Number of poses averaged for each landmark, 2..=10000
     #[arg(long, value_name = "N", default_value_t = 60, requires = "tracker", value_parser = clap::value_parser!(u16).range(2..=10_000))]
     samples: u16,
 
-    /// Refuse a tip that is farther from its mean, mm
+    /// Largest distance of a still tip from its mean position, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0, requires = "tracker", value_parser = positive, allow_negative_numbers = true)]
     tolerance: f64,
 }
@@ -125,7 +125,7 @@ fn distinct(points: &[Named<DVec3>]) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads landmarks from `path`, and turns them into the scene's axes.
+/// Reads landmarks from `path`, and converts them to the scene's axes.
 fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     let found = csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path)?;
     found.notes.iter().for_each(|note| tracing::warn!("{}: {note}", path.display()));
@@ -204,7 +204,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Makes the landmark with this name or number open again. The error lists the names of all landmarks.
+    /// Reopens the landmark with this name or number. The error lists the names of all landmarks.
     fn again(&mut self, which: &str) -> Result<(), String> {
         let by_name = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(which));
         let by_number = which.parse().ok().filter(|number| (1..=self.points.len()).contains(number));
@@ -302,7 +302,7 @@ mod tests {
         ["A", "B", "C"].into_iter().enumerate().map(point).collect()
     }
 
-    /// Result of the dialogue: names of the taken landmarks. Also names of all touched ones, in order of the attempts.
+    /// Names of the landmarks that the dialogue returns, and names of all touched landmarks, in order of the attempts.
     fn asked(input: &str, mut is_still: impl FnMut(usize) -> bool) -> (Result<Vec<String>, String>, Vec<String>) {
         let mut tried = Vec::new();
         let result = ask(&points(), "it", &mut input.as_bytes(), |point| {

@@ -46,10 +46,10 @@ const PANEL_WIDTH: u32 = 440;
 
 /// Show what insonify does: a recorded exam over a fetus of 22 weeks, live, then as frames, a video and a contact sheet.
 ///
-/// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator,
-/// and a page for the browser, whose address is printed; then says how long each pose took to be seen, what was
-/// dropped, how much was generated, and why a generator ran or not. On a terminal the exam goes on while the page is
-/// watched, until Enter; else the demo ends by itself.
+/// First, the whole chain runs in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator, and
+/// a browser page whose address is printed. Then the demo prints latency, dropped frames, the number of generated
+/// frames, and why a generator ran or not. On a terminal, the exam repeats while the page is watched, until Enter is
+/// pressed; else the demo ends by itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
 #[derive(Debug, Parser)]
@@ -65,11 +65,11 @@ pub(crate) struct Args {
     #[command(flatten)]
     backend: BackendArgs,
 
-    /// Leave the live chain out: files only
+    /// Skip the live chain, and only write the files
     #[arg(long)]
     no_live: bool,
 
-    /// End the live chain with the exam, also where the page is watched
+    /// End the live chain with the exam, even if the page is watched
     #[arg(long, conflicts_with = "no_live")]
     once: bool,
 
@@ -77,7 +77,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FPS", default_value_t = 10.0, allow_negative_numbers = true)]
     fps: f64,
 
-    /// Print what times.json holds
+    /// Print the contents of times.json
     #[arg(long)]
     json: bool,
 }

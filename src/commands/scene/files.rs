@@ -33,7 +33,7 @@ const SLIDE_MM: f64 = 60.0;
 /// Options of all scenes of patients.
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
-    /// Scene to write (.glb); a station file (.toml), standard planes (.planes.json) and points of the skin (.points.csv) go beside it
+    /// Scene to write (.glb); station (.toml), standard planes (.planes.json) and skin points (.points.csv) go next to it
     #[arg(long, value_name = "FILE")]
     pub(super) out: PathBuf,
 
@@ -41,11 +41,11 @@ pub(super) struct OutputArgs {
     #[arg(long)]
     pub(super) force: bool,
 
-    /// Segment that the station's first view looks at [default: the window that is seen best]
+    /// Segment that the station's first view shows [default: that of the best acoustic window, else the largest]
     #[arg(long, value_name = "NAME")]
     pub(super) look_at: Option<String>,
 
-    /// Recording to write of a probe that slides over the first view (.mcap)
+    /// Recording (.mcap) to write, of a probe that slides across the first view
     #[arg(long, value_name = "FILE")]
     pub(super) probe_path: Option<PathBuf>,
 

@@ -23,18 +23,18 @@ use super::files::{OutputArgs, Source};
 /// Make a scene of closed surfaces from a label map of a CT or MR: NIfTI, or NRRD as 3D Slicer writes it; or from a folder of
 /// masks, one file per organ.
 ///
-/// Names of segments come from the file, else numbers are looked up in the table of --names. A mask without names, and the
-/// masks of a folder, are read by their files' names. The summary says which it was. Volumes and positions of organs are
-/// compared with those of humans: what is impossible is refused, what is unlikely is told. All labels are meshed on one
-/// grid: neighbours share their border. What is inside the body and has no label becomes soft tissue, beneath fat and
-/// skin; surfaces are closed where the scan ends. Vessels and hollow organs get walls, stomach and bowel their gas.
+/// Names of segments come from the file; if it has none, numbers are looked up in the table of --names. A mask without
+/// names, and the masks of a folder, are named by their files. The summary states the source. Volumes and positions of
+/// organs are compared with those of humans: impossible ones are refused, unlikely ones reported. All labels are meshed
+/// on one grid, so neighbours share their border. Unlabelled space inside the body becomes soft tissue, under fat and
+/// skin; surfaces are closed where the scan ends. Vessels and hollow organs get walls; stomach and bowel get gas.
 ///
-/// Beside the scene go a station file with a probe on the skin, and standard planes for `exam` and `score` where the
-/// labels have what they need.
+/// A station file with a probe on the skin is written next to the scene. So are standard planes for `exam` and `score`,
+/// if the labels suffice.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Label map (.nii, .nii.gz, .nrrd, .nhdr, .seg.nrrd), or a folder of masks that are called as their organs
+    /// Label map (.nii, .nii.gz, .nrrd, .nhdr, .seg.nrrd), or a folder of masks named after their organs
     labels: PathBuf,
 
     /// Table of names and numbers: total-v2, total-v1, total-mr, body, tissue-types (TotalSegmentator), btcv, amos, flare22,
@@ -50,12 +50,11 @@ pub(crate) struct Args {
     #[arg(long)]
     leave_out_unknown: bool,
 
-    /// Take organs whose volumes or sides no human has, or that lie outside --body, instead of refusing them: situs inversus,
-    /// animals, phantoms
+    /// Accept organs whose volumes or sides no human has, or that lie outside --body: situs inversus, animals, phantoms
     #[arg(long)]
     allow_implausible: bool,
 
-    /// Label map whose every label is body, or a folder with masks of body and skin: its outline is the skin
+    /// Label map in which every label is body, or a folder with masks of body and skin; its outline becomes the skin
     /// (TotalSegmentator's task body)
     #[arg(long, value_name = "FILE")]
     body: Option<PathBuf>,
@@ -64,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 
-    /// Kind of that image, where its values don't tell: ct (in HU) or mr
+    /// Kind of that image, if its values don't show it: ct (in HU) or mr
     #[arg(long, value_name = "KIND", value_parser = modality, requires = "image")]
     image_type: Option<Modality>,
 
@@ -80,11 +79,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Options::default().skin_mm, value_parser = skin, allow_negative_numbers = true)]
     skin_mm: f64,
 
-    /// Thickness of the fat beneath it, mm, 0..=100, used if neither labels nor a CT show the fat
+    /// Thickness of the fat under the skin, mm, 0..=100, used if neither labels nor a CT show the fat
     #[arg(long, value_name = "MM", default_value_t = Options::default().fat_mm, value_parser = fat, allow_negative_numbers = true)]
     fat_mm: f64,
 
-    /// Number of triangles, about, 10000..=5000000
+    /// Approximate number of triangles, 10000..=5000000
     #[arg(long, value_name = "N", default_value_t = Options::default().triangles, value_parser = triangles)]
     triangles: usize,
 

@@ -25,19 +25,19 @@ use super::repair::RepairArgs;
 
 /// Make a scene from meshes of organs: STL, OBJ, PLY, VTK polydata (.vtk, .vtp) and glTF.
 ///
-/// MEANING is a tissue (`insonify tissues`), the name of an organ, or `ignore`; without it the names of the meshes in the
-/// file are organs' names. A file of several meshes needs a meaning for each: FILE#NAME=MEANING, where NAME is that of an
-/// object, group, solid or material; FILE#*=MEANING is for all that no other argument names.
+/// MEANING is a tissue (`insonify tissues`), the name of an organ, or `ignore`. Without MEANING, each mesh must be
+/// named after its organ. In a file of several meshes, FILE#NAME=MEANING gives the meaning of one mesh by its name
+/// (object, group, solid or material). FILE#*=MEANING applies to all other meshes of the file.
 ///
-/// Unit and axes are what the file says, else they are guessed from sizes and places of organs; if the guess is not
-/// certain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward,
+/// Unit and axes are taken from the file, or else guessed from sizes and positions of organs; if the guess is
+/// uncertain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward,
 /// doubled sheets removed.
 ///
 /// A mesh called body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all organs.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Meshes: FILE=MEANING; FILE#NAME=MEANING for one of several; FILE alone where its meshes have names of organs
+    /// Meshes: FILE=MEANING; FILE#NAME=MEANING for one of several; FILE alone if its meshes are named after organs
     #[arg(required = true, value_name = "FILE[#NAME][=MEANING]")]
     meshes: Vec<String>,
 
@@ -57,11 +57,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Options::default().skin_mm, value_parser = super::from_labels::skin, allow_negative_numbers = true)]
     skin_mm: f64,
 
-    /// Thickness of the fat beneath it, mm, 0..=100
+    /// Thickness of the fat under the skin, mm, 0..=100
     #[arg(long, value_name = "MM", default_value_t = Options::default().fat_mm, value_parser = super::from_labels::fat, allow_negative_numbers = true)]
     fat_mm: f64,
 
-    /// Take the surfaces as they are
+    /// Keep the surfaces as they are, without repair
     #[arg(long, conflicts_with = "max_move_mm")]
     no_repair: bool,
 
@@ -180,8 +180,8 @@ fn decided<T: Copy + std::fmt::Display>(
 /// Plausible sizes of the meshes together, from a body's smallest parts to a body, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// Ratios of an organ's size to its usual size above which the unit must be wrong: for a guessed unit, and for one
-/// given by the user. The second is larger, because a mesh may be a fragment.
+/// Ratios of an organ's size to its usual size above which the unit must be wrong: for a guessed unit, and for a
+/// unit given by the user. The second is larger, because a mesh may be a fragment.
 const OTHER_UNIT: f64 = 5.0;
 const OTHER_UNIT_GIVEN: f64 = 30.0;
 
