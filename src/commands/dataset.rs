@@ -47,7 +47,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     shard: Shard,
 
-    /// Random phantoms per station with the obstetric scene; 0 keeps the station's own [default: one per 40 frames, min. 4]
+    /// Random phantoms per station with the obstetric scene; 0 keeps its own [default: one per 40 frames, at least 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     phantoms: Option<u32>,
 

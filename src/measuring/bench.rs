@@ -104,7 +104,7 @@ pub struct TraceTime {
 /// Measures `frames` frames, cycling through `poses`, after a warm-up. `progress` is called after each frame.
 ///
 /// # Errors
-/// As [`Renderer::with_bvh`] and [`Renderer::render`].
+/// Errors of [`Renderer::with_bvh`] and [`Renderer::render`].
 pub fn measure(
     backend: &Backend,
     scene: &Scene,
@@ -194,11 +194,11 @@ fn many(
     Ok(frames as f64 / started.elapsed().as_secs_f64().max(1e-9))
 }
 
-/// Measures a workload with both implementations of `trace`, each as [`measure`] does. Returns nothing on the host, and
-/// on devices that cannot trace by lanes.
+/// Measures a workload with both implementations of `trace`, each as [`measure`] does. Empty on the host, and on
+/// devices that cannot trace by lanes.
 ///
 /// # Errors
-/// As [`measure`].
+/// Errors of [`measure`].
 pub fn measure_trace(
     backend: &Backend,
     scene: &Scene,

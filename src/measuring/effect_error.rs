@@ -18,7 +18,7 @@ use crate::render::{Backend, Choice, Effect, EffectPlan, Quality, RenderSettings
 use crate::selftest::{LookError, TruthError, look_errors, truth_errors};
 use crate::station::Station;
 
-/// Error with and without an effect, or a step of the look (post-processing), and its cost.
+/// Error with and without an effect or a post-processing step, and its cost.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectError {
     /// Errors with and without the effect or step.
@@ -141,7 +141,7 @@ fn measured(at: &EffectScene<'_>, pose: &Pose, progress: &Progress<'_>) -> Resul
     Ok(errors.into_iter().map(of).collect())
 }
 
-/// Errors and costs of the steps of the look, from the store or measured.
+/// Errors and costs of the post-processing steps, from the store or measured.
 pub(super) fn measure_looks(
     at: &EffectScene<'_>,
     store: &Store,

@@ -333,8 +333,8 @@ mod tests {
         let trained_anew = GeneratorKey { sha256: "cd".into(), ..fast.clone() };
         assert_eq!(of(&near, Some(&trained_anew)), None);
         assert_eq!(of(&table.expected("fetus", &probe(5.0)), None), Some(22.0));
-        // Another scene: means over its kind of probe, for points that all of these stations have. There, the generator
-        // halves the error.
+        // For another scene, errors are means over stations with its kind of probe, for points that all of them have.
+        // The generator halves the error there.
         let other = table.expected("liver", &probe(4.0));
         assert_eq!((other.measured, of(&other, None), of(&other, Some(&fast))), (false, Some(21.0), Some(10.5)));
         assert_eq!(other.qualities(), [lq]);

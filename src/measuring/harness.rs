@@ -14,7 +14,7 @@ use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
 use crate::transducer::Probe;
 
-/// Seeds of measured frames; the reference has others. The difference of the error between both seeds is its noise.
+/// Seeds of measured frames, which the reference does not use. The noise of an error is its difference between them.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
 /// Fewest steering angles of the reference.

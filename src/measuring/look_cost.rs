@@ -1,5 +1,5 @@
-//! Cost of each step of the look (post-processing) in live frames on this machine. Compounding adds one angle per
-//! frame.
+//! Cost of each post-processing step (a part of the look) in live frames on this machine. Compounding adds one angle
+//! per frame.
 
 use std::fmt;
 
@@ -16,10 +16,10 @@ use crate::transducer::Probe;
 /// Timed frames of a variant in each round.
 const FRAMES: usize = 4;
 
-/// Settings of a look, and whether the probe receives tissue harmonics.
+/// Settings of post-processing, and whether the probe receives tissue harmonics.
 pub(super) type Variant = (LookSettings, bool);
 
-/// A step of the look in the station's setting, and its cost.
+/// A post-processing step, its value in the station, and its cost.
 #[derive(Debug, Clone, Serialize)]
 pub struct LookCost {
     setting: &'static str,
@@ -28,7 +28,7 @@ pub struct LookCost {
     on: bool,
     /// Value of the comparison frames, as text.
     other: String,
-    /// Frame time that the step adds; if it is off, that it would add.
+    /// Frame time that the step adds, or would add if it is off.
     #[serde(flatten)]
     cost: Cost,
 }
@@ -42,7 +42,7 @@ impl fmt::Display for LookCost {
     }
 }
 
-/// A setting of the look whose cost is measured.
+/// A post-processing setting whose cost is measured.
 struct LookStep {
     setting: &'static str,
     value: fn(&Variant) -> String,
@@ -90,7 +90,7 @@ fn plain() -> Variant {
     (LookPreset::Raw.settings(), false)
 }
 
-/// The station's look, once with each step inverted. Steps that are off are turned on with the values of `usual`.
+/// The station's post-processing, once with each step inverted. Steps that are off get the values of `usual`.
 fn other_ways(own: Variant) -> Vec<Variant> {
     let plain = plain();
     let usual: Variant = (
@@ -118,7 +118,7 @@ fn is_on(step: &LookStep, own: &Variant) -> bool {
     (step.value)(&without) != (step.value)(own)
 }
 
-/// Measures the frame's look, once with each step inverted.
+/// Measures the costs of the frame's post-processing steps, by inverting one step at a time.
 ///
 /// # Errors
 /// A scene or settings that cannot be rendered.
@@ -135,7 +135,7 @@ pub fn look_costs(frame: &TimedFrame<'_>, progress: &dyn Fn(usize, usize)) -> Re
     Ok(STEPS.iter().zip(&others).zip(differences_ms).filter_map(of).collect())
 }
 
-/// Cost of each of `looks` over a plain look.
+/// Cost of each of `looks`, relative to plain post-processing.
 pub(super) fn costs(
     frame: &TimedFrame<'_>,
     looks: &[Variant],

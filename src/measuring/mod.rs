@@ -2,7 +2,7 @@
 //!
 //! - [`Sweep`] measures operating points of a station: time, error, Pareto front, noise, and effects against theory.
 //! - [`measure_errors`] makes the table of errors ([`ErrorTable`]) that live sessions choose from.
-//! - [`bench`](mod@bench) measures the times of frames and passes; [`PlanCosts`] those of each effect and step of the look.
+//! - [`bench`](mod@bench) times frames and passes; [`PlanCosts`] times each effect and each post-processing step.
 //! - [`evaluation`] compares images and generators with their targets.
 //!
 //! One harness renders and times all operating points, and runs their generators. Uncounted frames come before timed

@@ -11,7 +11,7 @@ use super::timing::TimedFrame;
 use crate::render::{Choice, Effect, EffectPlan, Quality, RenderError};
 use crate::sink::frame_record::AdapterRecord;
 
-/// Costs of effects and of the steps of the look (post-processing).
+/// Costs of effects and of post-processing steps (the look).
 #[derive(Debug, Serialize)]
 pub struct PlanCosts {
     /// Device on which the costs were measured.
@@ -19,14 +19,14 @@ pub struct PlanCosts {
     /// Costs of the effects.
     #[serde(flatten)]
     pub costs: EffectCosts,
-    /// Costs of the steps of the look.
+    /// Costs of the post-processing steps.
     pub look: Vec<LookCost>,
     #[serde(skip)]
     quality: Quality,
 }
 
 impl PlanCosts {
-    /// Measures the costs of the effects in `plan`, and of the look, on `frame`.
+    /// Measures the costs of the effects in `plan`, and of the post-processing steps, on `frame`.
     ///
     /// # Errors
     /// A frame that cannot be rendered.

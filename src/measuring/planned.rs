@@ -97,7 +97,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
     let part = |whole: u32, of: &[u32]| {
         let mut values: Vec<u32> = of.iter().map(|n| (whole * n / 8).max(1)).collect();
-        // At a small station, several parts are equal.
+        // With few scanlines or samples, several eighths round to the same number.
         values.dedup();
         values
     };

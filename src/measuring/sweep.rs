@@ -82,7 +82,7 @@ pub struct SweepReport {
     pub points: Vec<Point>,
     /// Errors of effects against wave theory.
     pub effects: Vec<EffectError>,
-    /// Errors of the steps of the look (post-processing) against a perfect picture.
+    /// Errors of the post-processing steps against a perfect picture.
     pub looks: Vec<EffectError>,
 }
 
@@ -159,7 +159,7 @@ impl<'a> Sweep<'a> {
         self.estimate.pose_s() * self.tracks.len() as f64
     }
 
-    /// Measures all operating points, effects against wave theory, and steps of the look.
+    /// Measures all operating points, effects against wave theory, and post-processing steps.
     ///
     /// # Errors
     /// Frames that cannot be rendered, translated or compared; stored results that are damaged or cannot be written.

@@ -21,7 +21,7 @@ pub const SWEEP_FILES: [&str; 8] = [
 ];
 
 impl SweepReport {
-    /// Operating points, effects and steps of the look as Markdown tables.
+    /// Operating points, effects and post-processing steps as Markdown tables.
     pub fn tables(&self) -> String {
         let both = [&self.effects[..], &self.looks].concat();
         format!("{}\n{}", markdown(&self.points), effects_markdown(&both))

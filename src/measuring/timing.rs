@@ -1,5 +1,4 @@
-//! Frame times after a warm-up, variants of a frame measured in turns, and the time that one variant takes more than
-//! another.
+//! Frame times after a warm-up, variants of a frame measured in turns, and differences of their frame times.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -33,10 +32,10 @@ pub struct TimedFrame<'a> {
     pub pose: Pose,
 }
 
-/// Time that something adds to a frame.
+/// Frame time added by an effect or a post-processing step.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Cost {
-    /// Median over rounds of the difference in frame time with and without it, ms.
+    /// Median over rounds of the frame time with the effect or step minus the time without, ms.
     cost_ms: f64,
     /// Half the interquartile range of the differences, ms.
     spread_ms: f64,

@@ -33,7 +33,7 @@ const SLIDE_MM: f64 = 60.0;
 /// Options of all scenes of patients.
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
-    /// Scene to write (.glb); station (.toml), standard planes (.planes.json) and skin points (.points.csv) go next to it
+    /// Scene to write (.glb); station (.toml), planes (.planes.json) and skin points (.points.csv) go next to it
     #[arg(long, value_name = "FILE")]
     pub(super) out: PathBuf,
 

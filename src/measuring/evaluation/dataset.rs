@@ -91,7 +91,7 @@ struct Tally<'a> {
     target: Vec<Vectors>,
     geometry: Geometry<'a>,
     without_crops: usize,
-    /// Stations with a tuple that this machine renders otherwise than the data set has it.
+    /// Stations with a tuple that this machine renders differently from the data set.
     foreign: Vec<String>,
 }
 
@@ -232,8 +232,8 @@ impl<'a> Evaluation<'a> {
         rows
     }
 
-    /// Remarks on generators trained for other frames, missing crops, stations that this machine renders otherwise, and
-    /// covariances.
+    /// Remarks on generators trained for other frames, missing crops, stations that this machine renders
+    /// differently, and covariances.
     fn notes(&self, without_crops: usize, foreign: &[String], target: &[Vectors]) -> Vec<String> {
         let side = self.settings.crop_side;
         let trained = self.generators.iter().filter_map(|(name, g)| Some((name, g.manifest().training.as_ref()?)));

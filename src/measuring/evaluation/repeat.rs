@@ -35,7 +35,7 @@ impl<'a> Repeat<'a> {
 pub(super) struct RepeatJob<'a> {
     row: &'a Row,
     scene: Arc<TupleScene>,
-    /// Whether to render it with its own seed as well, for comparison with the data set.
+    /// Whether to render it with the tuple's own seed, too, for comparison with the data set.
     check: bool,
 }
 

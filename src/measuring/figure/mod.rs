@@ -142,7 +142,7 @@ fn draw<B: DrawingBackend>(
         let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
-        // A thin line to this point: from the same point without all effects, or from the generator's raw frame.
+        // A thin line leads to this point from the point without all effects, or from the generator's raw frame.
         let is_led_to = point.knobs.all_effects || point.generator.is_some();
         let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
         if let Some(other) = other {
