@@ -81,7 +81,7 @@ pub struct Station {
     /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
     /// Time budget to render and generate a frame, ms. A live session chooses rays, layers, angles and generator by it;
-    /// a still image only rays and layers. None: they stay as set.
+    /// a still image only rays and layers. `None`: all stay as set.
     pub frame_budget_ms: Option<f64>,
     /// Whether the budget also chooses the angles of compounding, because `[look]` has neither angles nor a preset.
     pub angles_open: bool,

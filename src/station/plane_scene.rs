@@ -37,7 +37,7 @@ impl PlaneScene {
     /// triangles.
     pub fn of(station: &Station, scene: &Scene) -> Result<Self, StationError> {
         let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
-        // The phantom's planes and surfaces match: its file is never named.
+        // The phantom's planes match its surfaces, so no error ever shows this empty path.
         let file = station.scene_file().map(planes_path).unwrap_or_default();
         station.standard_planes()?.check_surfaces(&file, &names)?;
         match &station.scene {

@@ -83,8 +83,8 @@ impl Poses {
     }
 
     /// Up to `count` poses for each speed class of the probe, each with the `frames` poses before it, `period` apart.
-    /// They are moments of this recording at that speed. A single pose has no motion: then moments of `hand` are moved
-    /// to poses around it.
+    /// The poses are moments of this recording at that speed. If it has a single pose, moments of the recording `hand`
+    /// are used, moved to poses around that pose.
     ///
     /// # Errors
     /// The probe never moves at one of the speeds.
