@@ -76,7 +76,7 @@ impl Store {
         let (_, whole) = read_rows(&path)?;
         // Removes the incomplete last row that a killed run left.
         manifest.set_len(whole).map_err(SinkError::io(&path))?;
-        // Shards of the same total share no tuples. A shard of another total may be writing the same tuples.
+        // Shards of the same total share no tuples. A shard of a different total may be writing the same tuples.
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
             let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
@@ -123,7 +123,7 @@ impl Store {
     }
 
     /// Writes the mask and then the row of a tuple whose array is already written. Completes the row's size, mask and
-    /// checksum. A lost tuple already has its row.
+    /// checksum. The row of a lost tuple is already in the manifest.
     pub(super) fn keep(&mut self, row: Row, tuple: RenderedTuple) -> Result<(), DatasetError> {
         let RenderedTuple { sha256, mask, size } = tuple;
         if !self.masks.contains(&mask.file) {
@@ -160,8 +160,8 @@ impl Store {
     }
 }
 
-/// Rows of tuples that must be rendered again: the array, or the mask of its first user, is missing or has another
-/// size. They are keyed by tuple index.
+/// Rows of tuples that must be rendered again, by tuple index: the array is missing or has another size. A lost mask
+/// counts only for the first tuple that uses it.
 fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     let there: Vec<bool> = rows.par_iter().map(|row| is_there(directory, &row.file, row.size, PLANES.len())).collect();
     let (mut lost, mut masks) = (HashMap::new(), HashSet::new());
