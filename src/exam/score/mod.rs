@@ -1,9 +1,9 @@
 //! Score of a session against a scene's standard planes.
 //!
-//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without
-//! a break and with the probe on the skin. At each moment, the largest deviation relative to its tolerance counts;
-//! the **best second** is the one with the smallest mean of it. Angles, distances and measurements refer to that
-//! second, even if the plane was not found.
+//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without a
+//! break and with the probe on the skin. The cost of a moment is the largest ratio of a deviation to its tolerance; the
+//! **best second** has the smallest mean cost. Angles, distances and measurements refer to that second, even if the
+//! plane was not found.
 //!
 //! Planes and skin are those of the scene at rest. Their motion under the probe (2 mm in the phantom, by the mother's
 //! breathing) is not compensated. Generated sessions ignore it, too.
@@ -50,7 +50,7 @@ pub(crate) const POINTS: &str = "Points of a plane that is found: 50, and up to 
      for a steady hold, in the best second; 0 if it isn't found. The session has the mean of its planes. The weights are \
      assumed; docs/commands.md (Points) has the formula.";
 
-/// What a session is scored against.
+/// Planes, skin and surfaces against which a session is scored, and the station's probe.
 pub struct Reference<'a> {
     /// Planes that are scored.
     pub planes: Vec<&'a StandardPlane>,
