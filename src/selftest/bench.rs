@@ -87,7 +87,7 @@ pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> P
     Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
 }
 
-/// Settings that keep the samples of the scanlines, with a small image. Most formulas describe single paths, so the effect `aperture` is off.
+/// Settings with a small image and the scanlines' samples. `aperture` is off: most formulas describe single paths.
 pub fn small(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
     settings.effects = settings.effects.with(Effect::Aperture, Choice::Off);

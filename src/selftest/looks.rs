@@ -1,5 +1,5 @@
-//! Errors of the steps of a look (post-processing): remaining variation of a uniform tissue and of receiver noise, and
-//! width of a point.
+//! Errors of post-processing steps (parts of a look): remaining variation of a uniform tissue and of receiver noise,
+//! and width of a point.
 
 use glam::DVec2;
 
@@ -27,10 +27,10 @@ const LEVEL_DB: f64 = 1.0;
 /// Tolerance: width that is hard to see in a picture of 15 cm, mm.
 const WIDTH_MM: f64 = 0.3;
 
-/// A step of the look, and the errors with and without it.
+/// A post-processing step, and the errors with and without it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LookError {
-    /// Plain look with this step added. The plain look itself is [`LookSettings::default`].
+    /// Plain post-processing, [`LookSettings::default`], with this step added.
     pub look: LookSettings,
     /// Whether the step is tissue harmonics.
     pub harmonics: bool,
@@ -49,7 +49,7 @@ enum Specimen {
     Point,
 }
 
-/// Name of a step, its specimen, and the plain look with this step.
+/// Name of a step, its specimen, and the plain post-processing with this step.
 type Step = (&'static str, Specimen, LookSettings);
 
 const HARMONICS: &str = "harmonics";
@@ -64,8 +64,8 @@ fn steps() -> [Step; 4] {
     ]
 }
 
-/// Measures the errors with and without each step of a look that theory covers. `progress` gets the number of finished
-/// steps, and the total.
+/// Measures the errors with and without each post-processing step that theory covers. `progress` gets the number of
+/// finished steps, and the total.
 ///
 /// # Errors
 /// A device that fails.

@@ -154,11 +154,11 @@ pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report,
     checked(backend, &new, None, progress)
 }
 
-/// As [`run`], with passes modified by a test. With a `group`, runs only that group's families, until one of its checks
-/// has failed.
+/// Runs [`run`]'s checks with passes modified by a test. With a `group`, runs only that group's families, until one of
+/// its checks has failed.
 ///
 /// # Errors
-/// As [`run`].
+/// Errors of [`run`].
 #[cfg(feature = "test-hooks")]
 pub fn run_with_hooks(
     backend: &Backend,

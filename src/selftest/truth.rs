@@ -17,7 +17,7 @@ use crate::transducer::Probe;
 /// Root mean square errors against theory, with and without an effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TruthError {
-    /// Name of the effect, or of the look's step.
+    /// Name of the effect, or of the post-processing step.
     pub effect: String,
     /// Compared quantity.
     pub quantity: String,
