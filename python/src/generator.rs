@@ -67,7 +67,7 @@ impl Generator {
         self.generator.lock().unwrap_or_else(PoisonError::into_inner).manifest().name.clone()
     }
 
-    /// Precision of its weights.
+    /// Precision of the model's weights.
     #[getter]
     fn precision(&self) -> &'static str {
         self.generator.lock().unwrap_or_else(PoisonError::into_inner).precision().name()

@@ -23,7 +23,7 @@ pub(crate) struct Rendering {
     choice: BackendChoice,
     pub(crate) backend: Backend,
     renderer: Renderer,
-    /// Identifier of the process that made it.
+    /// Identifier of the process that made this renderer.
     process: u32,
     /// Probe and settings whose warnings were logged last; `None` before the first warning.
     warned: Option<(Probe, RenderSettings)>,

@@ -131,7 +131,7 @@ impl SceneKey {
         Self { station: station.clone(), arrays, stamp }
     }
 
-    /// Whether both have the same surfaces, tissues and motion.
+    /// Whether both keys have the same surfaces, tissues and motion.
     pub(crate) fn same_scene(&self, other: &Self) -> bool {
         let same_arrays = match (&self.arrays, &other.arrays) {
             (None, None) => self.station.scene == other.station.scene,
