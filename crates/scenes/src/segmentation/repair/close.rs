@@ -192,7 +192,7 @@ struct Cuts<'a> {
     rims: &'a [Rim],
     kinds: &'a [Kind],
     known: &'a [Plane],
-    /// Number of the `known` planes, the first ones, that are sides of the bounding box.
+    /// Number of planes at the start of `known` that are sides of the bounding box.
     sides: usize,
     is_closed: &'a mut [bool],
 }

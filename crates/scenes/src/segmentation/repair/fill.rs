@@ -9,7 +9,7 @@ use super::planes::Plane;
 use super::polygon::{self, Border};
 use super::work::{Work, area};
 
-/// Most edges of a hole that is filled with the least area.
+/// Largest number of edges of a hole that is filled with the least area.
 const LEAST_AREA_EDGES: usize = 300;
 
 /// Penalty of an edge that exists already, mm: more than any distance.

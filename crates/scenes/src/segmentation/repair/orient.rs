@@ -7,11 +7,11 @@ use super::edges::{self, NONE, of};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, area, region, volume};
 
-/// Most corners of a part at which the parts around it are sought.
+/// Largest number of a part's corners that are tested for lying inside other parts.
 const CORNERS_SAMPLED: usize = 33;
 
-/// Makes the winding of each component consistent by turning over triangles of the least area. Returns the number of
-/// edges at which that is impossible.
+/// Makes the winding of each component consistent by turning over triangles of the least total area. Returns the number
+/// of edges at which that is impossible.
 pub(super) fn make_consistent(work: &mut Work) -> usize {
     let edges = edges::sorted(&work.mesh.triangles);
     let next = edges::neighbours(work.mesh.triangles.len(), &edges);

@@ -10,7 +10,7 @@ const SINE_MIN: f64 = 0.2;
 const PARALLEL_SINE: f64 = 1e-3;
 const APART_PART: f64 = 0.05;
 
-/// Most planes of one loop: the six sides of a box.
+/// Largest number of planes of one loop: the six sides of a box.
 const PLANES_MAX: usize = 6;
 
 /// Fewest edges of a loop on each of its planes, and their smallest length relative to the loop's.
@@ -79,7 +79,7 @@ pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
 
 /// A choice of planes that together contain most edges of a loop.
 struct Cover {
-    /// Number of candidates, the first ones, that were known before.
+    /// Number of planes at the start of `candidates` that were known before.
     known: usize,
     candidates: Vec<Plane>,
     /// For each candidate, whether it contains each edge of the loop.
@@ -99,7 +99,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let near: Vec<bool> = points.iter().map(|p| plane.distance_mm(*p) <= within_mm).collect();
         (0..count).map(|i| near[i] && near[next(i)]).collect()
     };
-    // The first ones belong to the largest rims.
+    // The first planes belong to the largest rims.
     let known = &known[..known.len().min(PLANES_REUSED)];
     let mut candidates = known.to_vec();
     candidates.extend(windows(points, within_mm));
@@ -156,7 +156,7 @@ pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64)
     if !(2..=ARCS_MAX).contains(&arcs) {
         return None;
     }
-    // New planes are added to the known ones.
+    // New planes are appended to `known`.
     let mut index: Vec<usize> = (0..candidates.len()).collect();
     for &c in chosen.iter().filter(|c| **c >= before) {
         index[c] = known.len();
@@ -232,7 +232,7 @@ pub(super) fn meet(p: &Plane, q: &Plane) -> bool {
 }
 
 /// Index of a plane for each edge. Where several planes contain an edge, it has the plane of the edge before it. `None`
-/// if an edge has no plane, or none has exactly one.
+/// if an edge lies in no plane, or no edge lies in exactly one.
 fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<usize>> {
     let holding = |i: usize| chosen.iter().copied().filter(move |&c| covers[c][i]);
     let first = (0..count).find(|&i| holding(i).count() == 1)?;

@@ -29,7 +29,7 @@ macro_rules! kinds {
 kinds! {
     /// Kind of an action of the repair.
     ActionKind {
-        /// Joined vertices, which coincided or nearly so.
+        /// Joined vertices that coincided, exactly or nearly.
         Joined = "vertex|vertices", "joined with others in the same place";
         /// Removed triangles without area.
         Degenerate = "triangle|triangles", "without area removed";
@@ -81,7 +81,7 @@ kinds! {
         Fold = "pair|pairs of neighbouring triangles", "fold through each other: smooth the surface there";
         /// Vertices that are not finite.
         NotFinite = "vertex|vertices", "not finite: their triangles were removed";
-        /// A surface of which nothing is left.
+        /// A surface without any part that encloses a volume.
         Nothing = "surface|surfaces", "without any part that encloses a volume: leave it out, or export it again";
     }
 }
