@@ -1,4 +1,4 @@
-//! Description of a station: its tables, and what they mean.
+//! Description of a station: its tables, and the station parsed from them.
 
 use std::path::PathBuf;
 use std::sync::Arc;

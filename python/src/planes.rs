@@ -37,8 +37,8 @@ impl Planes {
         Ok((view, serde_json::to_string(&offset).map_err(|error| Failure::of(Kind::Internal, &error))?))
     }
 
-    /// Contact of the probe with the skin: the coupled part of its face, 0..=1; the depth of its centre below the
-    /// skin, mm, none if the skin is far away; and whether a score counts the probe as on the skin.
+    /// Contact of the probe with the skin. Returns the coupled part of the face, 0..=1, the depth of its centre below
+    /// the skin, mm (`None` if far away), and whether a score counts the probe as on the skin.
     fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>, bool)> {
         let (_, contact) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
         Ok((contact.part, contact.press_mm, is_on_skin(&contact)))

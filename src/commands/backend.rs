@@ -7,8 +7,8 @@ use super::Failure;
 /// Choice of the rendering backend.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BackendArgs {
-    /// Rendering backend: auto (a GPU if there is one, else the processors), host (the processors) or device (a GPU,
-    /// else software Vulkan) [default: INSONIFY_BACKEND, else the station's]
+    /// Rendering backend: auto (a GPU, or without one the processors), host (the processors) or device (a GPU, or
+    /// without one software Vulkan) [default: INSONIFY_BACKEND, else the station's]
     #[arg(long, value_name = "WHERE")]
     backend: Option<BackendChoice>,
 }

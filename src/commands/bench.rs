@@ -35,7 +35,7 @@ const POSES: usize = 12;
 /// shape of NVIDIA raysim's published benchmark, with two frames in flight, and many. Tracing by lanes is timed, too.
 ///
 /// A frame's time runs from its pose until the whole frame is in memory. On a GPU, maps and paths are computed in
-/// parallel, so the passes' sum exceeds the frame's time. Run nothing else meanwhile.
+/// parallel, so the passes' sum exceeds the frame's time. Run no other programs meanwhile.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify bench configs/obstetric.toml\n  \

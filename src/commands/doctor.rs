@@ -20,8 +20,8 @@ use super::{Classify, Failure, input, output};
 /// tracker and calibration are examined, too, for missing files and ports, and for implausible values. At a pose (the
 /// station's or `--pose`), the aberration by the tissue in front of the probe is printed.
 ///
-/// Findings are errors (the scene is refused, or simulated wrongly), warnings (mended while loading, or wrong in
-/// places) and notes. The exit code is 1 with an error, 0 without one, and 2 if the file cannot be read.
+/// Findings are errors (the scene is refused, or simulated wrongly), warnings (mended while loading, or locally wrong)
+/// and notes. The exit code is 1 with an error, 0 without one, and 2 if the file cannot be read.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify doctor belly.glb\n  \

@@ -32,7 +32,7 @@ use super::terminal;
 pub(crate) enum Failure {
     /// Wrong input: exit code 2.
     Input(anyhow::Error),
-    /// Anything else: exit code 1.
+    /// Any other failure: exit code 1.
     Other(anyhow::Error),
     /// The reader of the output has closed it (`insonify … | head`). This is no error.
     OutputClosed,

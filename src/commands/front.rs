@@ -18,12 +18,12 @@ use super::{Classify, Failure, input, output, session};
 const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// Make the table of errors from which live sessions choose their operating point.
 ///
-/// For each station, poses are chosen at which the probe rests, moves slowly and moves fast: from its recording, or
-/// else its own pose, turned about the beam and with the motion of --motion. At each pose, live frames are compared
-/// with a converged reference of 9 angles with all effects. Operating points are rays x layers x angles of rolling
-/// compounding, some of them without the effect aperture, and the station's generators on the frames that they were
-/// trained for. A rolling picture compounds frames at the probe's earlier poses, at the station's frame rate. The table
-/// holds errors by speed, but no times: sessions measure those.
+/// For each station, poses are chosen from its recording: at rest, in slow and in fast motion. A station without a
+/// recording has its own pose, turned about the beam, with the motion of --motion. At each pose, live frames are
+/// compared with a converged reference of 9 angles with all effects. Operating points are rays x layers x angles of
+/// rolling compounding, some of them without the effect aperture, and the station's generators on the frames that they
+/// were trained for. A rolling picture compounds frames at the probe's earlier poses, at the station's frame rate. The
+/// table holds errors by speed, but no times: sessions measure those.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

@@ -7,7 +7,7 @@ use insonify::recording::{Inspection, RecordingReader, read_all};
 
 use super::{Failure, output};
 
-/// Say what is in a recording: duration, rate, jitter, gaps, damage, events and settings.
+/// Summarise a recording: duration, rate, jitter, gaps, damage, events and settings.
 ///
 /// The `.part` file of a recording that was not finished can be inspected too.
 #[derive(Debug, Parser)]
@@ -22,8 +22,7 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
 
-    /// Print the station file that the recording holds, and nothing else; only recordings by `insonify run` and
-    /// `insonify record` hold one
+    /// Print only the station file in the recording; recordings by `insonify run` and `insonify record` hold one
     #[arg(long, conflicts_with = "json")]
     station: bool,
 }

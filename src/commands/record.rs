@@ -30,8 +30,8 @@ const TOLD: usize = 4;
 /// it can be replayed without that file. While the command runs, the recording is called FILE.part; after a kill,
 /// FILE.part lacks at most the last second.
 ///
-/// The exit code is 1 if there is no record of the probe: the tracker sent nothing, its bytes hold no record, or
-/// several sensors sent records and none is chosen. The recording is kept.
+/// The exit code is 1 without a record of the probe: the tracker sent no bytes or no records, or several sensors sent
+/// records and none is chosen. The recording is kept.
 #[derive(Debug, Parser)]
 #[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {

@@ -22,11 +22,11 @@ use super::{Failure, input, output, session};
 
 /// Compare a recorded session with the standard planes of the station's scene.
 ///
-/// For each plane, states whether and when it was found (within its tolerances for a second, with the probe on the
-/// skin), and the deviation, steadiness and measurement errors of the best second. The planes that the recording names
+/// For each plane, prints whether and when it was found: within its tolerances for a second, with the probe on the
+/// skin. Prints deviation, steadiness and measurement errors of the best second. The planes that the recording names
 /// are scored (as recordings by `insonify exam` do), else all planes of the scene. Measurements made in the session are
 /// compared with true values, too; its texts and body marks are listed. The displayed picture counts, with depth and
-/// freeze as set in the session. Planes are those of the scene at rest: their motion by the mother's breathing is not
+/// freeze as set in the session. Planes refer to the scene at rest: their motion by the mother's breathing is not
 /// compensated.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \

@@ -18,8 +18,8 @@ use super::{Classify, Failure, output};
 
 /// List serial ports and HID devices, or print a tracker's data.
 ///
-/// With a station file, --port or --address, live poses are printed until Ctrl-C: the records' rate, jitter and longest
-/// interval, lost and damaged records, and the last pose in the tracker's own frame. If several sensors or tools
+/// With a station file, --port or --address, live poses are printed until Ctrl-C, in the tracker's own frame. With them
+/// come rate, jitter and longest interval of the records, and lost and damaged records. If several sensors or tools
 /// report, each has a line with its rate, validity and position; --sensor or --tool selects the probe. Without a record
 /// of the probe, the exit code is 1.
 #[derive(Debug, Parser)]

@@ -17,15 +17,14 @@ use super::{Failure, input, output, session};
 ///
 /// First renders a reference at some poses: all effects, 9 angles, the 3 layers of HQ unless more change the levels,
 /// and enough rays that doubling them changes little. That change is printed. Then varies rays and layers in a small
-/// grid. Some grid points are measured in variants, too: compounded, compounded while the probe moves as in the
-/// recording (one angle per frame, as in a live session), without the effect aperture, and with all effects. Every
-/// other knob is varied alone, around 8 x 3. A station's generators run on the frames that they were trained for. The
-/// receiver's noise is omitted, because it is no error of the picture. Each point gets a time (with maps, from the call
-/// until the frame is in memory) and an error within the sector. The Pareto front uses the error of pixels, because the
-/// reference has little speckle.
+/// grid. Some grid points have variants: compounded; compounded as in a live session (one angle per frame of a moving
+/// probe); without the effect aperture; with all effects. Every other knob is varied alone, around 8 x 3. A station's
+/// generators run on the frames that they were trained for. The receiver's noise is omitted, because it is no error of
+/// the picture. Each point gets a time (with maps, from the call until the frame is in memory) and an error within the
+/// sector. The Pareto front uses the error of pixels, because the reference has little speckle.
 ///
 /// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
-/// without each effect that the theory covers, and states the effect's cost in the station's scene at 1 x 1. Steps of
+/// without each effect that the theory covers. It states the effect's cost in the station's scene at 1 x 1. Steps of
 /// the look (post-processing) are compared likewise, by the remaining speckle and noise, and the width of a point.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]

@@ -22,8 +22,8 @@ use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
 ///
-/// Needs no GPU, except for --bmode. Layers that enclose the organs or the fetus are transparent, or hidden except in
-/// sections: fat, soft tissue, and in scenes with a fetus also muscle. --opacity shows them.
+/// Needs no GPU, except for --bmode. Fat and soft tissue, and around a fetus also muscle, are transparent, or hidden
+/// except in sections. --opacity shows them.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

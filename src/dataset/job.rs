@@ -1,4 +1,4 @@
-//! Rendering of a planned data set (or of a shard, a part of it) into a directory.
+//! Rendering of a planned data set (or of a shard, one part of the set) into a directory.
 
 use std::collections::HashMap;
 use std::fmt;

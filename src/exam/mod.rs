@@ -1,9 +1,9 @@
 //! Exams: sessions of a simulated hand, and scoring of a trainee's session.
 //!
-//! [`session`] generates freehand sessions in which a hand searches, finds, holds and leaves a scene's standard
-//! planes. [`sweep`] is the short exam in `assets/exams`. Both are recordings of raw tracker bytes, equal for equal
-//! seeds. [`score`] compares any recording with the planes: it tells which planes were found and when ([`offset`]),
-//! and compares measurements in them with the true values ([`measure`]).
+//! [`session`] generates freehand sessions in which a hand searches, finds, holds and leaves a scene's standard planes.
+//! [`sweep`] is the short exam in `assets/exams`. Both are recordings of raw tracker bytes, equal for equal seeds.
+//! [`score`] compares any recording with the planes: it finds which planes were shown and when ([`offset`]), and
+//! compares measurements with true values ([`measure`]).
 
 mod batch;
 pub mod hand;

@@ -1,4 +1,4 @@
-//! Reference pictures with so many rays and layers that more of them change little.
+//! Reference pictures with enough rays and layers: further ones change the picture little.
 
 use std::fmt;
 
@@ -103,8 +103,8 @@ pub(super) struct References {
 }
 
 impl References {
-    /// Reads the references from the store, or renders them with more and more paths until they converge. The flag
-    /// tells whether they were stored.
+    /// Reads the references from the store, or renders them with more and more paths until they converge. The flag is
+    /// true if the references were stored.
     pub(super) fn make(
         harness: &mut Harness,
         store: &Store,

@@ -239,8 +239,8 @@ impl ExpectedErrors<'_> {
     /// error is unknown at one of them.
     ///
     /// A number of angles missing in the table has the error of the nearest number. If a generator was not measured at
-    /// these stations, its error is estimated: the raw frame's error, times the mean ratio of the generator's error to
-    /// the raw error elsewhere.
+    /// these stations, its error is estimated. The raw frame's error is multiplied by the mean ratio of generated to
+    /// raw errors at other stations.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
         let mean_of = |generator: Option<&GeneratorKey>| {
             let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator, speed)).collect();

@@ -25,10 +25,10 @@ pub struct Knobs {
     pub pulse_taps_max: u32,
     /// Steering angles of spatial compounding; odd.
     pub angles: u32,
-    /// True as in a live session: each frame has one new angle, and the picture is the mean of the last frames of a
-    /// moving probe. False if each frame takes all angles.
+    /// True as in a live session: each frame adds one angle, and the picture is the mean of a moving probe's last
+    /// frames. False if each frame takes all angles.
     pub rolling: bool,
-    /// True if every effect is simulated; else those that the station's effect plan chooses.
+    /// True if every effect is simulated; false if the station's effect plan chooses the effects.
     pub all_effects: bool,
     /// Whether the effect `aperture` may be simulated. If not, each path casts its own shadow.
     pub aperture: bool,

@@ -36,8 +36,7 @@ impl Levels {
         true
     }
 
-    /// Positions (x, z in the probe frame, mm) and mean power of the pixels in a box, which is given by its centre
-    /// and its half size.
+    /// Positions (x, z in the probe frame, mm) and mean power of the pixels in the box `(centre, half size)`.
     pub fn pixels(&self, (centre, half): (DVec2, DVec2)) -> impl Iterator<Item = (DVec2, f64)> + '_ {
         self.indices(centre, half).map(|(i, position)| (position, self.sum_power[i] / self.images.max(1.0)))
     }

@@ -54,7 +54,7 @@ impl HalfContact {
         Self { place }
     }
 
-    /// Powers with half of the face in contact, if `contact` is on, else with all of it.
+    /// Powers with half of the face in contact if `contact` is on, otherwise with the whole face.
     fn powers(&self, rig: &mut Rig, aperture: Choice, contact: Choice) -> Result<Powers, RenderError> {
         let probe =
             Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(LINES, SPACING_MM, 1536, 110.0) };

@@ -75,8 +75,8 @@ fn correlation<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>
     re.hypot(im) / (first * second).sqrt()
 }
 
-/// Sums over pairs of scanlines: real and imaginary part of the second's samples times the first's conjugates, then
-/// power of the first and of the second.
+/// Sums over pairs of scanlines: real and imaginary part of the second's samples times the first's conjugate samples,
+/// then the powers of both.
 fn sums<'a>(pairs: impl Iterator<Item = (&'a [[f32; 2]], &'a [[f32; 2]])>) -> [f64; 4] {
     let [mut re, mut im, mut first, mut second] = [0.0; 4];
     for (a, b) in pairs.flat_map(|(a, b)| a.iter().zip(b)) {

@@ -214,7 +214,7 @@ impl Station {
     /// Standard planes of the scene: the phantom's own, or those in the file next to the scene file.
     ///
     /// # Errors
-    /// The same as those of [`planes::read_planes`].
+    /// Errors of [`planes::read_planes`].
     pub fn standard_planes(&self) -> Result<StandardPlanes, StationError> {
         match &self.scene {
             SceneSource::File(path) => Ok(planes::read_planes(path)?),

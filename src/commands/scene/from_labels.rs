@@ -20,8 +20,8 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure};
 use super::files::{OutputArgs, Source};
 
-/// Make a scene of closed surfaces from a label map of a CT or MR: NIfTI, or NRRD as 3D Slicer writes it; or from a folder of
-/// masks, one file per organ.
+/// Make a scene of closed surfaces from a label map of a CT or MR (NIfTI, or NRRD as 3D Slicer writes it), or from a
+/// folder of masks, one file per organ.
 ///
 /// Names of segments come from the file; if it has none, numbers are looked up in the table of --names. A mask without
 /// names, and the masks of a folder, are named by their files. The summary states the source. Volumes and positions of

@@ -29,9 +29,9 @@ use super::repair::RepairArgs;
 /// named after its organ. In a file of several meshes, FILE#NAME=MEANING gives the meaning of one mesh by its name
 /// (object, group, solid or material). FILE#*=MEANING applies to all other meshes of the file.
 ///
-/// Unit and axes are taken from the file, or else guessed from sizes and positions of organs; if the guess is
-/// uncertain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward,
-/// doubled sheets removed.
+/// Unit and axes are taken from the file, or guessed from sizes and positions of organs. If the guess is uncertain, the
+/// command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward, doubled sheets
+/// removed.
 ///
 /// A mesh called body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all organs.
 #[derive(Debug, Parser)]
@@ -180,8 +180,8 @@ fn decided<T: Copy + std::fmt::Display>(
 /// Plausible sizes of the meshes together, from a body's smallest parts to a body, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// Ratios of an organ's size to its usual size above which the unit must be wrong: for a guessed unit, and for a
-/// unit given by the user. The second is larger, because a mesh may be a fragment.
+/// Largest plausible ratio of an organ's size to its usual size: for a guessed unit, and for a unit given by the user.
+/// The second is larger, because a mesh may be a fragment.
 const OTHER_UNIT: f64 = 5.0;
 const OTHER_UNIT_GIVEN: f64 = 30.0;
 
@@ -234,7 +234,7 @@ fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<S
 /// Largest distance of a scene's points from the origin along an axis, mm.
 const FARTHEST_MM: f64 = 1e5;
 
-/// Shift in `unit` that moves all meshes to the origin, if the user asks for it, else zero. Without a shift, meshes too
+/// Shift in `unit` that moves all meshes to the origin; zero unless the user asks for it. Without a shift, meshes too
 /// far from the origin are refused.
 fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String>) -> Result<DVec3, Failure> {
     let (low, high) = bounds(meshes);

@@ -8,7 +8,7 @@ use super::track::{Track, length_s, stretches};
 use crate::transducer::Misplacement;
 use crate::transducer::placement::MISPLACED_FOR;
 
-/// Time with the probe deep in the body, or looking out of it.
+/// Time with the probe deep in the body, or facing away from the body.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MisplacedTime {
     /// Total time, s.
@@ -21,7 +21,7 @@ pub struct MisplacedTime {
 }
 
 impl MisplacedTime {
-    /// Sums up a session's track. `None` if a hand can have made the whole session, or without skin.
+    /// Sums up a session's track. `None` if a hand can have made the whole session, or if the scene has no skin.
     pub fn of(track: &Track) -> Option<Self> {
         let Track { time_s, misplaced, .. } = track;
         let held = stretches(time_s, |i| misplaced.get(i).is_some_and(Option::is_some));

@@ -5,7 +5,7 @@
 //! **best second** has the smallest mean cost. Angles, distances and measurements refer to that second, even if the
 //! plane was not found.
 //!
-//! Planes and skin are those of the scene at rest. Their motion under the probe (2 mm in the phantom, by the mother's
+//! Planes and skin refer to the scene at rest. Their motion under the probe (2 mm in the phantom, by the mother's
 //! breathing) is not compensated. Generated sessions ignore it, too.
 //!
 //! Points per plane, 0..=100: 0 if it was not found, else 50, plus 20 for the angle, 20 for the distance and 10 for a

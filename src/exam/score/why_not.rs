@@ -9,8 +9,8 @@ use crate::pose::TimedPose;
 /// Reason for planes that were not found because no second of the session is without a gap.
 pub(super) const NO_SECOND: &str = "not judged: every second has a gap";
 
-/// Sentence that tells why nothing can be judged in a session with poses at these times; `None` if at least one
-/// second is without a gap.
+/// Reason why a session with poses at these times can't be judged, as a sentence; `None` if at least one second has no
+/// gap.
 pub(super) fn not_judged(time_s: &[f64]) -> Option<String> {
     if best_second(time_s, &vec![0.0; time_s.len()]).is_some() {
         return None;

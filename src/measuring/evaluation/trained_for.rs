@@ -16,7 +16,7 @@ fn words_of(quality: &FrameQuality) -> String {
     words([quality.rays, quality.layers], quality.angles)
 }
 
-/// Remarks on a generator that was trained for another target, or for other inputs, than the data set has; empty if its
+/// Remarks on a generator that was trained for another target or other inputs than the data set's. Empty if its
 /// manifest does not record the training.
 pub(super) fn notes(name: &str, training: &Training, header: &Header) -> Vec<String> {
     let mut notes = Vec::new();

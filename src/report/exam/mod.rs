@@ -93,8 +93,8 @@ fn mark(score: &Score) -> String {
     }
 }
 
-/// Doubts about the score, as markup: nothing could be judged, `warnings`, time with the probe where no hand can hold
-/// it, and marks that could not be read.
+/// Doubts about the score, as markup: nothing could be judged, `warnings`, impossible probe positions, and unreadable
+/// marks.
 fn faults(warnings: &[String], score: &Score, track: &Track) -> String {
     let not_judged = score.not_judged.iter().map(|why| format!("Not judged: {why}."));
     let warnings = warnings.iter().map(|warning| format!("Warning: {warning}."));

@@ -45,8 +45,8 @@ impl Selection {
         Self { shown: vec![true; count], is_named: vec![false; count], given: vec![None; count] }
     }
 
-    /// Shows the surfaces in `only` (all if it is empty), except the ones in `hide`. Names are those of surfaces,
-    /// tissues or layers.
+    /// Shows the surfaces in `only` (all if it is empty), except those in `hide`. Both hold names of surfaces, tissues
+    /// or layers.
     ///
     /// # Errors
     /// A name is unknown, or no surface is left.

@@ -90,8 +90,8 @@ fn rim(work: &Work, vertices: Vec<u32>) -> Rim {
     Rim { vertices, points, region, within_mm }
 }
 
-/// `Planar` if the rim lies in one plane: in one of the `known` planes, else in a plane of its own, which is appended
-/// to them. Otherwise `Free`.
+/// `Planar` if the rim lies in one of the `known` planes, or in a plane of its own, which is then appended to `known`.
+/// Otherwise `Free`.
 fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     if let Some(index) =
         known.iter().take(planes::PLANES_REUSED).position(|plane| plane.holds(&rim.points, rim.within_mm))
@@ -124,7 +124,7 @@ fn sides_of_box(work: &Work, rims: &[Rim]) -> Vec<Plane> {
     planes.filter(|plane| edges_on(plane) >= SIDE_EDGES_MIN).collect()
 }
 
-/// `Bent` if the rim lies in several planes, of which new ones are appended to `known`; otherwise `Free`.
+/// `Bent` if the rim lies in several planes; new planes are appended to `known`. Otherwise `Free`.
 fn bent(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     // The strict tolerance comes first: it assigns edges near two planes more reliably.
     let found = rim.tolerances_mm().into_iter().find_map(|within_mm| planes::of_edges(&rim.points, known, within_mm));

@@ -1,4 +1,4 @@
-//! Crowded edges, those of more than two triangles. Sheets there are removed, and touching parts separated.
+//! Crowded edges: edges of more than two triangles. Sheets there are removed, and touching parts separated.
 
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::TAU;

@@ -57,7 +57,7 @@ pub(super) fn groups(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
     edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
 }
 
-/// Open edges, those of a single triangle, in the direction of that triangle.
+/// Open edges (edges of a single triangle), in the direction of that triangle.
 pub(super) fn open(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = sorted(triangles);
     groups(&edges).filter(|group| group.len() == 1).map(|group| group[0].directed()).collect()

@@ -60,7 +60,7 @@ impl Filler {
         (!inner.any(|edge| self.taken.contains(&edge))).then_some(triangles)
     }
 
-    /// Triangulation by cutting off, again and again, the corner whose new edge is shortest.
+    /// Triangulation by ear clipping: repeatedly cuts off the corner whose new edge is shortest.
     fn ears(&self, hole: &[u32], points: &[DVec3]) -> Vec<[u32; 3]> {
         let mut left: Vec<usize> = (0..hole.len()).collect();
         let around = |left: &[usize], i: usize| {

@@ -11,7 +11,7 @@ const THIN_MM: f64 = 2e-3;
 pub(super) fn drop_fragments(work: &mut Work, share: f64) {
     let (parts, part_of) = orient::parts(&work.mesh);
     let largest = parts.iter().map(|part| part.volume_mm3.abs()).fold(0.0, f64::max);
-    // A thin part's area is that of both its sides, so volume / (area / 2) is its thickness.
+    // A thin part's area counts both of its sides, so volume / (area / 2) is its thickness.
     let is_flat = |part: &Part| 2.0 * part.volume_mm3.abs() < THIN_MM * part.area_mm2;
     let is_fragment = |part: &Part| part.volume_mm3.abs() < share * largest;
     let flat: Vec<usize> = (0..parts.len()).filter(|&i| is_flat(&parts[i])).collect();

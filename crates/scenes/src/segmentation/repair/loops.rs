@@ -1,4 +1,4 @@
-//! Loops of open edges, those of a single triangle.
+//! Loops of open edges, which belong to a single triangle.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn two_holes_that_share_a_corner_are_two_loops() {
-        // A fan of six triangles about vertex 0, of which two opposite ones are missing.
+        // A fan of six triangles about vertex 0, with two opposite triangles missing.
         let fan = [[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 6]];
         let found = loops(&fan);
         assert_eq!(found.iter().map(Vec::len).sum::<usize>(), 8);

@@ -155,7 +155,7 @@ pub(super) fn face_outward(work: &mut Work) {
     work.log(ActionKind::Cavity, cavities.len(), cavities_at);
 }
 
-/// Volume of a part, relative to that of a part around it, from which both count as one surface drawn twice.
+/// Smallest ratio of a part's volume to that of a part around it at which both count as one surface drawn twice.
 const DOUBLED_SHARE: f64 = 0.9;
 
 /// Removes parts just within another part that faces the same way: surfaces that were exported twice, slightly offset.

@@ -123,7 +123,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let is_enough = |c: &usize| *c < known.len() || (gain(*c) >= EDGES_MIN && length(*c) >= PLANE_PART * total);
         let is_enough = |c: &usize| gain(*c) > 0 && is_enough(c);
         let Some(best) = best.filter(is_enough) else { break };
-        // A plane fitted to all points that it contains is better than the one fitted to a short run.
+        // A plane fitted to all points that it contains is more exact than a plane fitted to a short run.
         if best >= known.len() {
             let held: Vec<DVec3> =
                 (0..count).filter(|&i| covers[best][i]).flat_map(|i| [points[i], points[next(i)]]).collect();

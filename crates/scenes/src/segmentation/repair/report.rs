@@ -18,7 +18,7 @@ macro_rules! kinds {
         }
 
         impl $type {
-            /// Noun of what was counted, and what was done to it or what remains to do.
+            /// Noun of the counted things, and the action done to them or still to do.
             fn words(self) -> (&'static str, &'static str) {
                 match self { $(Self::$name => ($noun, $rest),)* }
             }
