@@ -19,7 +19,7 @@ use super::{Failure, input, output};
 /// its calipers, and leaves. It trembles, drifts, and varies its pressure. The recording names its planes for `insonify
 /// score`, and the hand's intention in events `truth.plane`. Poses are as measured by the station's calibrated tracker.
 ///
-/// Without a station: the demo's short sweep over the phantom, with its key views as events.
+/// Without a station: the demo's short sweep, with its key views as events. Equal options give equal files.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify exam configs/obstetric.toml --planes head,abdomen,femur --skill novice --seed 7 --out exam.mcap\n  \
