@@ -1,4 +1,4 @@
-//! `insonify exam`: records sessions of a simulated hand.
+//! `insonify exam`: records sessions in which a simulated hand moves the probe.
 
 use std::path::PathBuf;
 

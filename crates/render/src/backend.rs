@@ -98,7 +98,7 @@ impl Backend {
         }
     }
 
-    /// Whether a device can trace by lanes; false for the host.
+    /// Whether the device can trace each path by several lanes; false for the host.
     pub fn has_trace_by_lanes(&self) -> bool {
         match &self.0 {
             Kind::Host => false,

@@ -1,4 +1,4 @@
-//! Picture of a scene: one projection, and the finished picture.
+//! Panels of a scene's picture: one projection each, joined into the finished picture.
 
 use glam::DVec3;
 

@@ -49,7 +49,7 @@ settings! {
 }
 
 settings! {
-    /// The `[look]` of a station: post-processing from lines to the display.
+    /// The table `[look]` of a station: processing that turns scanlines into the displayed picture.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct LookSettings in "look" {
         /// Steering angles of spatial compounding, rounded down to an odd number; 1: none. Not for phased arrays.

@@ -61,7 +61,7 @@ pub(super) struct ApertureBuffers {
     pub(super) cell_means: Vec<CellMeans>,
     /// Work of `propagate` [groups of modes × cells].
     pub(super) mode_work: Vec<Wide>,
-    /// Work of `beams` [planes × 2 × beams].
+    /// Working memory of the pass `beams` [planes × 2 × beams].
     pub(super) beam_work: Vec<Wide>,
 }
 
@@ -89,8 +89,8 @@ fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>
 }
 
 impl Buffers {
-    /// Buffers of a configuration. They share the layouts of `known` buffers for the same pixels. If `reused` has the
-    /// same effects, outputs of equal size stay empty until [`Buffers::take_over`].
+    /// Buffers of a configuration. Pixel layouts are shared with those `known` buffers that have the same pixels. If
+    /// `reused` has the same effects, outputs of its size are not allocated: [`Buffers::take_over`] moves them here.
     ///
     /// # Errors
     /// Too little memory.

@@ -96,7 +96,8 @@ fn late_mm(path: &Path, axial_path: &Path, stretch: f64, range_mm: f64) -> f64 {
     }
 }
 
-/// Rise of range minus depth along a path between two ranges, mm. Hard media delay nothing.
+/// Growth of the difference between range and depth, mm, along a path from one range to another. Stretches in hard
+/// media add nothing.
 fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
     let gained = |at: usize| {
         let segment = &path.segments[at];

@@ -59,7 +59,7 @@ pub struct RecordingSummary {
     pub timing: Option<Timing>,
 }
 
-/// Sensor received in a recording.
+/// Sensor whose poses a recording holds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordedSensor {
     /// Number of the Polhemus station, NDI port handle or tool.

@@ -7,7 +7,7 @@ use crate::random::SplitMix64;
 const REST: Speed = Speed { mm_s: 0.0, deg_s: 0.0 };
 const FAST: Speed = Speed { mm_s: 0.0, deg_s: 20.0 };
 
-/// Controller on two cores, whose generators don't help while the probe moves fast.
+/// Controller whose generators do not improve the picture while the probe moves fast; the times are those of two cores.
 fn controller() -> PointController {
     let candidates = TWO_CORES.candidates().into_iter().map(|candidate| {
         let at_rest = candidate.error.at_rest;

@@ -131,7 +131,8 @@ impl<'a> ApertureGain<'a> {
         self.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// [`ApertureGain::at`] without the loss that all scanlines share, and the position: a fractional plane index.
+    /// Two values: the gain of [`ApertureGain::at`] before the loss that all scanlines share, and the range as a
+    /// fractional index of depth planes.
     #[inline(always)]
     pub(in crate::host) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
         let (_, _, position) = self.tracked(range_mm, loss_np);

@@ -141,8 +141,8 @@ impl PlaneBeams<'_> {
         Plain { power: Similarity::of(&weights, &weights).power, weights, kernel_power }
     }
 
-    /// Resamples a two-sided beam profile, given at each cell around its axis, at the neighbouring scanlines. Weights
-    /// beyond the beam's reach are 0.
+    /// Weights of the neighbouring scanlines: interpolates a beam profile, which `around` holds for each cell on both
+    /// sides of the beam's axis. Weights beyond the beam's reach are 0.
     #[inline(always)]
     fn interpolate(&self, around: &[f32; AROUND], weights: &mut [f32]) {
         let Positions { half, starts, splines, .. } = self.positions;

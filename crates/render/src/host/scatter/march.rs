@@ -25,7 +25,8 @@ pub(in crate::host) struct Scatterers<'a> {
     pub(in crate::host) constants: ImageConstants,
     /// Gain of each block of samples.
     pub(in crate::host) gain: &'a [f32],
-    /// 1/Y for each block of samples, 1/mm: sheets within the elevational distance ±Y count. Empty with the lattice.
+    /// 1/Y for each block of samples, 1/mm, where Y is the largest elevational distance of a sheet that contributes.
+    /// Empty if scatterers come from the lattice.
     pub(in crate::host) per_reach_mm: &'a [f32],
     /// Textures; texture number n is at index n − 1. Empty without the effect.
     pub(in crate::host) textures: &'a [PackedTexture],

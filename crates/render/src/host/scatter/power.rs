@@ -26,7 +26,7 @@ pub(super) struct Stretch {
 /// Powers of the scatterers at consecutive blocks of samples, summed over paths.
 #[derive(Debug)]
 pub(super) struct Powers {
-    /// Power on paths whose loss the aperture's gain will replace, before loss and gain.
+    /// Power, before loss and gain, on paths that get the aperture's gain instead of their own loss.
     by_aperture: [Power; CHUNK],
     /// Counts of such paths whose power is not yet in `by_aperture`.
     media: Media,

@@ -51,7 +51,7 @@ pub(super) struct Departure {
     pub(super) echo_offset_mm: f32,
 }
 
-/// Arrivals as a structure of arrays.
+/// Paths that arrive at interfaces: each [`Arrival`] as a lane of a structure of arrays.
 #[derive(Debug, Default)]
 pub(super) struct Arrivals {
     pub(super) origin: [Lanes; 3],
@@ -78,7 +78,7 @@ pub(super) struct Arrivals {
     pub(super) generators: [Words; DIMENSIONS],
 }
 
-/// Departures as a structure of arrays.
+/// Paths that leave interfaces: each [`Departure`] as a lane of a structure of arrays.
 #[derive(Debug, Default)]
 pub(super) struct Departures {
     pub(super) direction: [Lanes; 3],

@@ -187,7 +187,8 @@ mod tests {
     use crate::host::trace::interface_batch::{Arrival, InterfaceBatch};
     use crate::twin::hash::sample_unit;
 
-    /// A random interface, at any angle: sometimes with equal speeds, smooth or unattenuated.
+    /// Arrival at a random interface, at any angle. In some trials the speeds are equal, the interface is smooth, or the
+    /// path has lost nothing.
     fn arrival(trial: u32, lane: u32) -> Arrival {
         let number = |dim| sample_unit(17, trial, lane, 9, dim) as f32;
         let vector = |first: u32| [0, 1, 2].map(|i| number(first + i) - 0.5);

@@ -41,9 +41,9 @@ impl Rim {
 
 /// Shape of a rim.
 enum Kind {
-    /// In one plane, given by its index among the known planes.
+    /// The whole loop lies in one plane: its index among the known planes.
     Planar(usize),
-    /// In several planes, given for each edge by index among the known planes.
+    /// The loop lies in several planes: for each edge, the index of its plane among the known planes.
     Bent(Vec<usize>),
     /// In no planes.
     Free,
