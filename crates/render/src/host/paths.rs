@@ -1,5 +1,7 @@
 //! Traced paths as the passes after `trace` read them.
 
+use std::hint::black_box;
+
 use insonify_core::simd::real;
 
 use crate::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
@@ -73,10 +75,11 @@ impl<'a> Run<'a> {
         // An even estimate, corrected below.
         let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
         while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
-            stop = stop.wrapping_sub(2);
+            // A turn or two: unrolled to vectors, the loop takes longer.
+            stop = black_box(stop.wrapping_sub(2));
         }
         while stop < last && range_mm(params, stop) < end_mm {
-            stop = stop.wrapping_add(2);
+            stop = black_box(stop.wrapping_add(2));
         }
         (self.segments.get(self.at).unwrap_or(NONE), stop)
     }

@@ -52,8 +52,9 @@ widened! {
 
 #[inline(always)]
 fn add_noise_body(params: &Params, line: u32, amplitude: f32, row: &mut [[f32; 2]]) {
-    for (i, sample) in (0_u32..).zip(row.iter_mut()) {
-        let [re, im] = deviate(pcg3d([i, line, params.noise_seed])[0]);
+    // By index: the overflow check of a zipped range keeps the loop scalar.
+    for (i, sample) in row.iter_mut().enumerate() {
+        let [re, im] = deviate(pcg3d([i as u32, line, params.noise_seed])[0]);
         sample[0] += amplitude * re;
         sample[1] += amplitude * im;
     }

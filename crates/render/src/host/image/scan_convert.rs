@@ -11,7 +11,7 @@ use crate::params::Params;
 
 /// Pixels per group. There are enough that values gathered one by one have left the store buffer before vector loads
 /// read them.
-const LANES: usize = 64;
+const LANES: usize = 32;
 /// Pixels tested together for a border between tissues.
 const NEAR: usize = 8;
 const WORDS: usize = LANES / 4;

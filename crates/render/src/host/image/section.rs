@@ -1,5 +1,7 @@
 //! Media along straight map rays: the cross-section of the surfaces, and the attenuation from the face.
 
+use std::hint::black_box;
+
 use glam::Vec3;
 use insonify_core::simd::{at_least, real, widened};
 use rayon::prelude::*;
@@ -183,7 +185,8 @@ fn rasterise_body(params: &Params, runs: &[[f32; 4]], raster: &mut [u32]) {
         // An estimate of the end, corrected below.
         let mut to = (((end_mm / step_mm) as usize).saturating_sub(1)).clamp(from, raster.len());
         while to < raster.len() && (to as f32) * step_mm < end_mm {
-            to += 1;
+            // A turn or two: unrolled to vectors, the loop takes longer.
+            to = black_box(to + 1);
         }
         for (depth, word) in raster[from..to].iter_mut().enumerate() {
             let at_mm = real((from as u32).wrapping_add(depth as u32)) * step_mm;

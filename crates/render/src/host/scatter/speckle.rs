@@ -2,7 +2,7 @@
 
 use insonify_core::simd::{at_least, floor, floored, pcg3d, phasor, real};
 
-use crate::constants::{CELL_MM, SHEET_FAMILIES, SHEETS};
+use crate::constants::{CELL_MM, CELL_QUARTERS, SHEET_FAMILIES, SHEETS};
 use crate::host::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
 use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::{Params, SheetFamily};
@@ -128,28 +128,44 @@ struct Met {
 }
 
 impl Met {
-    /// Selects, in each cell, the scatterer whose range is nearest to the sample's. Each scatterer lies in its own
-    /// quarter; two lie in opposite quarters. The last argument is the change of range per cell along both axes, mm.
+    /// Takes the only scatterer of each cell. The last argument is the change of range per cell along both axes, mm.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
-    fn choose_nearest(
+    fn take_only(&mut self, ranges_mm: &Lanes, [first_mm, second_mm]: [&Lanes; 2]) {
+        for i in 0..BLOCK {
+            let position = self.bits[1][i];
+            let along = [self.ahead[0][i] + offset(position, 0), self.ahead[1][i] + offset(position, 10)];
+            let ahead_mm = along[0] * first_mm[i] + along[1] * second_mm[i];
+            self.range_mm[i] = ranges_mm[i] + ahead_mm;
+        }
+    }
+
+    /// Selects, in each cell of `SCATTERERS` (2 to 4), the scatterer whose range is nearest to the sample's. Each
+    /// scatterer lies in its own quarter; two lie in opposite quarters. The last argument is the change of range per
+    /// cell along both axes, mm.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
+    fn choose_nearest<const SCATTERERS: usize>(
         &mut self,
-        [scatterers, stride]: [u32; 2],
+        stride: u32,
         ranges_mm: &Lanes,
         [first_mm, second_mm]: [&Lanes; 2],
     ) {
-        let (mut nearest, mut ahead_mm) = ([0; BLOCK], [f32::MAX; BLOCK]);
-        for quarter in 0..scatterers {
-            let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(|half| 0.5 * real(half));
-            for i in 0..BLOCK {
+        let (mut nearest, mut ahead_mm) = ([0u32; BLOCK], [0.0; BLOCK]);
+        for i in 0..BLOCK {
+            // Compared in pairs: a running minimum over the quarters is stored to memory lane by lane.
+            let mut along_mm = [f32::MAX; CELL_QUARTERS as usize];
+            for (along_mm, quarter) in along_mm.iter_mut().zip(0u32..).take(SCATTERERS) {
+                let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(|half| 0.5 * real(half));
                 let position = self.bits[1][i].wrapping_add(quarter.wrapping_mul(self.bits[0][i].wrapping_mul(stride)));
                 let first = self.ahead[0][i] + (corner[0] + 0.5 * offset(position, 0));
                 let second = self.ahead[1][i] + (corner[1] + 0.5 * offset(position, 10));
-                let along_mm = first * first_mm[i] + second * second_mm[i];
-                let nearer = along_mm.abs() < ahead_mm[i].abs();
-                nearest[i] = if nearer { quarter } else { nearest[i] };
-                ahead_mm[i] = if nearer { along_mm } else { ahead_mm[i] };
+                *along_mm = first * first_mm[i] + second * second_mm[i];
             }
+            let [a, b, c, d] = along_mm;
+            let low = if b.abs() < a.abs() { (b, 1) } else { (a, 0) };
+            let high = if d.abs() < c.abs() { (d, 3) } else { (c, 2) };
+            (ahead_mm[i], nearest[i]) = if high.0.abs() < low.0.abs() { high } else { low };
         }
         for i in 0..BLOCK {
             self.range_mm[i] = ranges_mm[i] + ahead_mm[i];
@@ -280,15 +296,12 @@ impl Speckle {
             }
         }
         for met in &mut met {
-            if family.scatterers > 1 {
-                met.choose_nearest([family.scatterers, self.stride], &block.ranges_mm, [first_mm, second_mm]);
-                continue;
-            }
-            for i in 0..BLOCK {
-                let position = met.bits[1][i];
-                let along = [met.ahead[0][i] + offset(position, 0), met.ahead[1][i] + offset(position, 10)];
-                let ahead_mm = along[0] * first_mm[i] + along[1] * second_mm[i];
-                met.range_mm[i] = block.ranges_mm[i] + ahead_mm;
+            let along = [first_mm, second_mm];
+            match family.scatterers {
+                0 | 1 => met.take_only(&block.ranges_mm, along),
+                2 => met.choose_nearest::<2>(self.stride, &block.ranges_mm, along),
+                3 => met.choose_nearest::<3>(self.stride, &block.ranges_mm, along),
+                _ => met.choose_nearest::<4>(self.stride, &block.ranges_mm, along),
             }
         }
         let (mut echoes, mut squares) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
