@@ -67,7 +67,7 @@ fn main() {
     let curves: [(&'static str, &[u32], Change); 5] = [
         ("rays", &[1, 2, 4, 8, 16, 32, 64], |_, s, n| s.quality = Quality { rays: n, ..s.quality }),
         ("layers", &[1, 2, 3, 5, 9, 17], |_, s, n| s.quality = Quality { layers: n, ..s.quality }),
-        ("samples", &[384, 768, 1536, 3072, 6144], |p, _, n| p.samples = n),
+        ("samples", &[384, 768, 1536, 3072, 6144], |p, _, n| p.samples = n.into()),
         ("scanlines", &[32, 64, 128, 256, 512], |p, _, n| p.scanlines = n),
         ("image", &[250, 500, 1000, 2000], |_, s, n| (s.image.width, s.image.height) = (n * 1386 / 1000, n)),
     ];

@@ -120,7 +120,7 @@ fn probe(random: &mut SplitMix64) -> Probe {
         kind,
         depth_mm,
         scanlines: SCANLINES,
-        samples: 128,
+        samples: 128.into(),
         frequency_mhz: random.between(0.5, 40.0),
         ..Probe::default()
     }

@@ -60,7 +60,7 @@ impl Workload {
             Self { moves: true, ..kind("LQ, moving", settings(Quality::LQ, true)) },
             kind("HQ", settings(Quality::HQ, true)),
             Self {
-                probe: Probe { scanlines: 256, samples: 4096, ..station.probe },
+                probe: Probe { scanlines: 256, samples: 4096.into(), ..station.probe },
                 ..kind("256 x 4096, 500 x 500", raysim)
             },
             Self { flow: Flow::Overlapped, ..kind("LQ, two in flight", settings(Quality::LQ, true)) },
@@ -134,7 +134,7 @@ pub fn measure(
     Ok(Measured {
         name,
         quality: format!("{}x{}", settings.quality.rays, settings.quality.layers),
-        lines: [probe.scanlines, probe.samples],
+        lines: [probe.scanlines, probe.sample_count()],
         image: [settings.image.width, settings.image.height],
         maps: settings.maps,
         frames_per_s,

@@ -84,7 +84,7 @@ impl Bench {
 /// Probe with parallel scanlines `spacing_mm` apart.
 pub fn linear(scanlines: u32, spacing_mm: f64, samples: u32, depth_mm: f64) -> Probe {
     let kind = ProbeKind::Linear { width_mm: spacing_mm * f64::from(scanlines) };
-    Probe { kind, scanlines, samples, depth_mm, ..Probe::default() }
+    Probe { kind, scanlines, samples: samples.into(), depth_mm, ..Probe::default() }
 }
 
 /// Settings with a small image and the scanlines' samples. `aperture` is off: most formulas describe single paths.

@@ -10,7 +10,7 @@ pub fn magnitude(sample: [f32; 2]) -> f64 {
 
 /// Complex samples of scanline number `line`; empty if the frame has no lines.
 pub fn line<'a>(probe: &Probe, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
-    let samples = probe.samples as usize;
+    let samples = probe.sample_count() as usize;
     frame.lines.get(line as usize * samples..).and_then(|rest| rest.get(..samples)).unwrap_or_default()
 }
 

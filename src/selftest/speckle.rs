@@ -58,7 +58,7 @@ impl Speckle {
 
 /// Envelopes in each depth band. Omits scanlines whose beam is cut off by the sector's edge.
 fn bands(probe: &Probe, frame: &Frame, bands: usize) -> Vec<Vec<f64>> {
-    let length = probe.samples as usize / bands;
+    let length = probe.sample_count() as usize / bands;
     let lines = || (8..probe.scanlines - 8).map(|l| line(probe, frame, l));
     (0..bands)
         .map(|band| {

@@ -64,7 +64,7 @@ impl FrameFiles<'_> {
         }
         png::write_grey(&file("mask.png"), width, height, &frame.mask, Effort::Small)?;
         if !frame.lines.is_empty() {
-            let shape = [record.probe.scanlines as usize, record.probe.samples as usize];
+            let shape = [record.probe.scanlines as usize, record.probe.sample_count() as usize];
             npy::write_complex64(&file("lines.npy"), shape, &frame.lines)?;
         }
         write_json(&file("frame.json"), record)?;
@@ -116,7 +116,7 @@ mod tests {
 
     /// Record of `frame` at `pose`, for a probe with 2 scanlines of 5 samples.
     fn record(frame: &Frame, pose: [f64; 7]) -> FrameRecord {
-        let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
+        let probe = Probe { scanlines: 2, samples: 5.into(), ..Probe::default() };
         let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into(), trace: None };
         let (pose, sector) = (Pose::from_components(pose).unwrap(), Sector::fit(&probe, 4, 3));
         FrameRecord::new(frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter)

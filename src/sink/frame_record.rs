@@ -239,7 +239,7 @@ mod tests {
             ProbeKind::Linear { width_mm: 38.0 },
             ProbeKind::Phased { fov_deg: 90.0 },
         ] {
-            let probe = Probe { kind, scanlines: 64, samples: 500, depth_mm: 80.0, ..Probe::default() };
+            let probe = Probe { kind, scanlines: 64, samples: 500.into(), depth_mm: 80.0, ..Probe::default() };
             // Reads the record as another program would.
             let record = serde_json::to_value(LinesRecord::new(&probe)).unwrap();
             let number = |key: &str| record[key].as_f64().unwrap();

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::settings::{Kind, Setting};
+use crate::settings::{AUTO, Kind, Setting};
 
 /// Values that a key accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +16,13 @@ pub enum Accepts {
     },
     /// A whole number.
     Integer {
+        /// Smallest accepted value.
+        min: i64,
+        /// Largest accepted value.
+        max: i64,
+    },
+    /// A whole number, or the word "auto".
+    IntegerOrAuto {
         /// Smallest accepted value.
         min: i64,
         /// Largest accepted value.
@@ -47,6 +54,7 @@ impl fmt::Display for Accepts {
         match self {
             Self::Number { min, max } => write!(f, "a number in {min}..={max}"),
             Self::Integer { min, max } => write!(f, "a whole number in {min}..={max}"),
+            Self::IntegerOrAuto { min, max } => write!(f, "a whole number in {min}..={max}, or \"{AUTO}\""),
             Self::Numbers { count, limit } => write!(f, "[{count} numbers within ±{limit}]"),
             Self::OneOf(words) => write!(f, "one of \"{}\"", words.join("\", \"")),
             Self::AnyOf(words) => write!(f, "[any of \"{}\"]", words.join("\", \"")),
@@ -63,6 +71,7 @@ impl From<&Setting> for Accepts {
         match setting.kind {
             Kind::Number => Self::Number { min: setting.min, max: setting.max },
             Kind::Whole => Self::Integer { min: setting.min as i64, max: setting.max as i64 },
+            Kind::WholeOrAuto => Self::IntegerOrAuto { min: setting.min as i64, max: setting.max as i64 },
             Kind::Numbers(count) => Self::Numbers { count, limit: setting.max },
             Kind::Switch => Self::Bool,
             Kind::Word(words) => Self::OneOf(words),

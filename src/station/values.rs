@@ -9,7 +9,7 @@ use super::accepts::{Accepts, LISTEN_ADDRESS};
 use super::keys::{KeyDoc, of_table};
 use crate::files::backslashes;
 use crate::pose::{Pose, PoseError};
-use crate::settings::{Kind, SettingsGroup};
+use crate::settings::{AUTO, Kind, SettingsGroup};
 use crate::suggest::did_you_mean;
 
 /// Checked values of one table.
@@ -78,13 +78,15 @@ impl Values {
                     numbers.for_each(|(index, number)| stored.set(index, number));
                 }
                 Value::Boolean(on) => stored.set(0, (*on).into()),
-                Value::String(found) => {
-                    if let Kind::Word(words) = stored.kind()
-                        && let Some(index) = words.iter().position(|word| word == found)
-                    {
-                        stored.set(0, index as f64);
+                Value::String(found) => match stored.kind() {
+                    Kind::Word(words) => {
+                        if let Some(index) = words.iter().position(|word| word == found) {
+                            stored.set(0, index as f64);
+                        }
                     }
-                }
+                    Kind::WholeOrAuto if found == AUTO => stored.set(0, 0.0),
+                    _ => {}
+                },
                 value => stored.set(0, number(value).unwrap_or(stored.get(0))),
             }
         }
@@ -183,6 +185,13 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
         // No range contains NaN, so NaN is refused.
         Accepts::Number { min, max } => (min..=max).contains(&number(value).ok_or_else(wrong)?),
         Accepts::Integer { min, max } => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
+        Accepts::IntegerOrAuto { min, max } => match value.as_str() {
+            Some(word) => {
+                suggestion = did_you_mean(word, [AUTO]);
+                word == AUTO
+            }
+            None => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
+        },
         Accepts::Numbers { count, limit } => {
             let array = value.as_array().ok_or_else(wrong)?;
             let numbers = array.iter().map(number).collect::<Option<Vec<_>>>().ok_or_else(wrong)?;

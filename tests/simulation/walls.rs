@@ -180,7 +180,7 @@ fn flat_probe() -> Probe {
     Probe {
         kind,
         scanlines: 256,
-        samples: 2560,
+        samples: 2560.into(),
         depth_mm: 130.0,
         frequency_mhz: 8.0,
         aperture_mm: 20.0,
@@ -207,7 +207,7 @@ fn stripe_contrast_db(scene: &Scene, pose: &Pose) -> f64 {
             let fraction = (f64::from(line) + 0.5) / f64::from(probe.scanlines);
             (probe.lateral_coordinate(fraction) - x_mm).abs() < 0.5
         });
-        let line = |line: u32| &frame.lines[(line * probe.samples) as usize..][samples[0]..samples[1]];
+        let line = |line: u32| &frame.lines[(line * probe.sample_count()) as usize..][samples[0]..samples[1]];
         lines.flat_map(line).map(|s| f64::from(s[0]).powi(2) + f64::from(s[1]).powi(2)).sum::<f64>()
     };
     let half = 0.5 * STRIPE_PERIOD_MM;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use insonify_core::anatomy::{Bvh, Scene, Tissue};
 use insonify_core::settings::Effect;
 use insonify_core::settings::RenderSettings;
-use insonify_core::settings::{Change, SettingsGroup as _};
+use insonify_core::settings::{Change, Samples, SettingsGroup as _};
 use insonify_core::transducer::Probe;
 
 use super::constants::MOVES;
@@ -110,6 +110,14 @@ impl Configuration {
         if self.tables.sector_words.is_empty() {
             tracing::warn!(
                 "the sector is thinner than a pixel and the image stays black: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
+            );
+        }
+        let needed = self.probe.samples_needed();
+        let made = self.probe.sample_count();
+        let told = previous.is_some_and(|p| (p.probe.samples_needed(), p.probe.sample_count()) == (needed, made));
+        if self.probe.samples == Samples::Auto && made < needed && !told {
+            tracing::warn!(
+                "the pulse needs {needed} samples per scanline and {made} are made, so speckle is coarser than the pulse: lower probe.depth_mm, probe.frequency_mhz or probe.fractional_bandwidth"
             );
         }
         let known = |clipped: &ClippedKernel| previous.is_some_and(|p| p.tables.kernels.clipped.contains(clipped));

@@ -37,7 +37,7 @@ pub(crate) struct ClippedKernel {
     pub(crate) kept: u32,
     /// Smallest and largest depth at which it is cut, mm.
     pub(crate) depths_mm: [f64; 2],
-    /// Value of the setting that widens it: `probe.scanlines` if lateral, `probe.samples` if axial.
+    /// Value of the setting that widens it: `probe.scanlines` if lateral, `probe.sample_count()` if axial.
     pub(crate) value: u32,
 }
 
@@ -122,7 +122,7 @@ fn depth_mm(probe: &Probe, block: u32) -> f64 {
 /// Weights are real: they give points their image and diffuse clutter its power. Off-axis phases matter only for smooth
 /// plates. The kernel's sum of 1 keeps the level of a plate, except off the normal of a phased array.
 fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
-    let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
+    let blocks = probe.sample_count().div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| depth_mm(probe, block);
     let beam = LateralBeam::new(probe);
     let spacing_mm = |block: u32| probe.line_spacing_mm(depth_mm(block)).max(1e-9);
@@ -186,7 +186,7 @@ fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
         wanted,
         kept: half,
         depths_mm: [0.0, probe.depth_mm],
-        value: probe.samples,
+        value: probe.sample_count(),
     });
     (half, gaussian(half, sigma), clipped)
 }
@@ -300,7 +300,7 @@ mod tests {
         assert!(beam.wanted > LATERAL_HALF_MAX && beam.depths_mm[0] < beam.depths_mm[1], "{beam:?}");
         assert!(beam.to_string().contains("probe.scanlines (now 1024)"), "{beam}");
 
-        let long = Probe { samples: 8192, depth_mm: 30.0, frequency_mhz: 1.0, ..Probe::default() };
+        let long = Probe { samples: 8192.into(), depth_mm: 30.0, frequency_mhz: 1.0, ..Probe::default() };
         let long = new(&long);
         assert_eq!(long.axial_half, AXIAL_HALF_MAX);
         let cut = long.clipped.iter().find(|c| c.kernel == Kernel::Axial).expect("a pulse that is cut");

@@ -45,7 +45,7 @@ impl NearField {
     /// Makes the table for a probe whose pulse envelope has the samples `pulse`.
     pub(crate) fn new(probe: &Probe, pulse: &[f32]) -> Self {
         let spacing_mm = probe.sample_spacing_mm();
-        let samples = (((NEAR_MM / spacing_mm).ceil() as u32).next_multiple_of(2)).min(probe.samples & !1);
+        let samples = (((NEAR_MM / spacing_mm).ceil() as u32).next_multiple_of(2)).min(probe.sample_count() & !1);
         let haze_mm = HAZE_DEPTH_MM.max(4.0 * probe.axial_sigma_mm());
         // Haze and arcs change slowly over a pulse, so the pulse adds them in phase.
         let scale = 1.0 / pulse.iter().map(|&w| f64::from(w)).sum::<f64>();
@@ -176,13 +176,14 @@ mod tests {
         let table = NearField::new(&probe, &[0.5, 1.0, 0.5]);
         // Level after the pulse, whose sum is 2, averaged over 2.4 mm of depth.
         let level_db = |depth_mm: f64, part: usize| {
-            let from = (depth_mm / probe.sample_spacing_mm()) as usize;
+            let of = |mm: f64| (mm / probe.sample_spacing_mm()).round() as usize;
+            let (from, count) = (of(depth_mm), of(2.4));
             let rows = table.values.chunks_exact(table.samples as usize);
             let power: f64 = rows
-                .flat_map(|row| &row[from..from + 49])
+                .flat_map(|row| &row[from..from + count])
                 .map(|value| f64::from(value[part]).powi(2) + f64::from(value[part + 1]).powi(2))
                 .sum();
-            10.0 * (4.0 * power / (49.0 * 512.0)).log10()
+            10.0 * (4.0 * power / (count as f64 * 512.0)).log10()
         };
         for (depth_mm, expected_db) in [(0.0, -2.2), (10.0, -22.2), (20.0, -42.2)] {
             assert!((level_db(depth_mm, 2) - expected_db).abs() < 0.8, "{depth_mm} mm: {}", level_db(depth_mm, 2));

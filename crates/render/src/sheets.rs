@@ -62,7 +62,7 @@ impl Sheets {
         let depths_mm: Vec<f64> = (0..NODES).map(|i| probe.depth_mm * i as f64 / (NODES - 1) as f64).collect();
         let nodes_mm = reaches_mm(probe, &depths_mm);
         let mean_mm = nodes_mm.iter().sum::<f64>() / NODES as f64;
-        let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
+        let blocks = probe.sample_count().div_ceil(DEPTH_BLOCK);
         let within = |mm: f64| mm.clamp(mean_mm / DEPARTS_MAX, mean_mm * DEPARTS_MAX);
         let reach_mm = |block: u32| {
             let at = (f64::from(block) + 0.5) / f64::from(blocks) * (NODES - 1) as f64;

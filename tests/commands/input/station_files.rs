@@ -7,8 +7,8 @@ use insonify::phantom::PhantomOptions;
 use insonify::pose::Pose;
 use insonify::settings::{
     BackendSettings, ChoiceSettings, ContactSettings, FilterSettings, GeneratorSettings, ImageSettings, Kind,
-    LookSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings, RenderSettings, SceneSettings,
-    SettingsGroup, TrackerSettings, WindowSettings,
+    LookSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings, RenderSettings, Samples,
+    SceneSettings, SettingsGroup, TrackerSettings, WindowSettings,
 };
 use insonify::station::{Accepts, KeyDoc, SceneSource, Station, keys, print_keys};
 use proptest::prelude::*;
@@ -54,7 +54,10 @@ fn values_have_their_effect() {
     .unwrap();
     assert_eq!(station.background, "water");
     assert_eq!(station.probe.kind, ProbeKind::Linear { width_mm: 38.0 });
-    assert_eq!((station.probe.frequency_mhz, station.probe.scanlines, station.probe.samples), (7.5, 128, 3072));
+    assert_eq!(
+        (station.probe.frequency_mhz, station.probe.scanlines, station.probe.samples),
+        (7.5, 128, Samples::Auto)
+    );
     assert_eq!((station.settings.image.height, station.settings.image.gain_db), (500, -3.0));
     assert_eq!(station.settings.quality, Quality { rays: 32, layers: 3, seed: u32::MAX });
     let pose = Pose::from_components([1.0, 2.5, -3.0, 0.0, 0.0, 1.0, 0.0]).unwrap();
@@ -306,7 +309,7 @@ fn documented_keys_are_those_of_the_settings() {
                 Kind::Switch => "false".to_owned(),
                 _ => format!("{:?}", setting.min),
             };
-            let whole = setting.kind == Kind::Whole;
+            let whole = matches!(setting.kind, Kind::Whole | Kind::WholeOrAuto);
             let station = accepted(doc, if whole { text.trim_end_matches(".0") } else { &text }).unwrap();
             let stored = match setting.table {
                 "probe" => station.probe.stored(setting.key),

@@ -41,7 +41,7 @@ impl Case {
             settings: station.settings,
             pose: station.default_pose.unwrap_or(Pose::IDENTITY),
         };
-        (case.probe.scanlines, case.probe.samples) = (64, 1024);
+        (case.probe.scanlines, case.probe.samples) = (64, 1024.into());
         (case.settings.image.width, case.settings.image.height) = (240, 240);
         case.settings.quality.rays = case.settings.quality.rays.min(4);
         case
@@ -53,7 +53,7 @@ impl Case {
         let table = TissueTable::new(named).unwrap();
         let kind = ProbeKind::Linear { width_mm: 20.0 };
         let beam = Probe { focus_mm: 20.0, aperture_mm: 8.0, frequency_mhz: 5.0, ..Probe::default() };
-        let probe = Probe { kind, depth_mm: 40.0, scanlines: 64, samples: 1024, ..beam };
+        let probe = Probe { kind, depth_mm: 40.0, scanlines: 64, samples: 1024.into(), ..beam };
         let image =
             ImageSettings { width: 160, height: 320, tgc_db_per_cm: 0.0, gain_db: 20.0, ..ImageSettings::default() };
         let settings = RenderSettings { image, ..RenderSettings::default() };

@@ -43,7 +43,7 @@ fn maps_equal_the_labels_in_twenty_planes_except_beside_borders() {
     let probe = Probe {
         kind: ProbeKind::Phased { fov_deg: 90.0 },
         scanlines: 64,
-        samples: 256,
+        samples: 256.into(),
         depth_mm: 100.0,
         frequency_mhz: 3.0,
         ..Probe::default()

@@ -53,7 +53,7 @@ fn probe(seed: u64) -> Probe {
     Probe {
         kind,
         scanlines: 33,
-        samples: 256,
+        samples: 256.into(),
         depth_mm: 70.0,
         frequency_mhz: 4.0,
         aperture_mm: 8.0,

@@ -97,7 +97,7 @@ impl Rig {
             }
         }
         assert!((0.0..=1.0).contains(&frame.attenuation_p98), "{}", frame.attenuation_p98);
-        let samples = if self.settings.lines { (self.probe.scanlines * self.probe.samples) as usize } else { 0 };
+        let samples = if self.settings.lines { (self.probe.scanlines * self.probe.sample_count()) as usize } else { 0 };
         assert_eq!(frame.lines.len(), samples);
         assert!(frame.lines.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3));
     }

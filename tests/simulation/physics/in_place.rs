@@ -22,10 +22,11 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
 /// Correlation of the envelopes of `a` and `b` away from the edges. `a` is read `lines` scanlines and `samples` samples
 /// further than `b`.
 fn overlap(probe: &Probe, a: &Frame, b: &Frame, lines: u32, samples: u32) -> f64 {
-    let at = |frame: &Frame, line: u32, sample: u32| magnitude(frame.lines[(line * probe.samples + sample) as usize]);
+    let at =
+        |frame: &Frame, line: u32, sample: u32| magnitude(frame.lines[(line * probe.sample_count() + sample) as usize]);
     let mut pairs = Vec::new();
     for line in 24..probe.scanlines - 24 - lines {
-        for sample in (100..probe.samples - 100 - samples).step_by(3) {
+        for sample in (100..probe.sample_count() - 100 - samples).step_by(3) {
             pairs.push((at(a, line + lines, sample + samples), at(b, line, sample)));
         }
     }

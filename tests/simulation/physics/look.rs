@@ -254,7 +254,7 @@ fn noise_is_rayleigh_and_rises_as_the_gain_says() {
     (look.image.gain_db, look.image.tgc_db_per_cm) = (20.0, 4.0);
     let mut rig = Rig::new(&scene, &probe, &look);
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
-    let samples = probe.samples as usize;
+    let samples = probe.sample_count() as usize;
     let envelope: Vec<f64> = (0..probe.scanlines)
         .flat_map(|l| rig.line(&frame, l)[40..samples - 40].iter().map(|&s| magnitude(s)))
         .collect();

@@ -20,7 +20,7 @@ fn rigs(scene: &Scene) -> Vec<Rig> {
     let mut rigs = Vec::new();
     for kind in kinds {
         for (width, height) in [(1386, 1000), (203, 151)] {
-            let probe = Probe { kind, scanlines: 32, samples: 512, ..Probe::default() };
+            let probe = Probe { kind, scanlines: 32, samples: 512.into(), ..Probe::default() };
             let mut settings = RenderSettings::default();
             (settings.image.width, settings.image.height) = (width, height);
             rigs.push(Rig::new(scene, &probe, &settings));

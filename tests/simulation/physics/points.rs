@@ -13,7 +13,7 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
     let convex = Probe { scanlines: 1024, ..Probe::default() };
     let fine = linear(256, 0.1, 3072, 150.0);
     let coarse = linear(128, 0.2, 1024, 150.0);
-    let dense = Probe { samples: 8192, ..fine };
+    let dense = Probe { samples: 8192.into(), ..fine };
     let slow = Probe { frequency_mhz: 3.5, aperture_mm: 15.0, focus_mm: 40.0, ..linear(256, 0.25, 3072, 150.0) };
     let short = Probe { fractional_bandwidth: 0.9, ..dense };
     let phased = Probe { kind: ProbeKind::Phased { fov_deg: 60.0 }, scanlines: 512, ..Probe::default() };
@@ -38,7 +38,7 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
         let mut rig = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1));
         let frame = rig.frame(&at(0.0, 0.0, 0.0));
         for (i, &depth) in depths.iter().enumerate() {
-            let samples = probe.samples as usize;
+            let samples = probe.sample_count() as usize;
             let sample = (depth / probe.sample_spacing_mm()) as usize;
             let envelope: Vec<f64> = rig.line(&frame, line(i)).iter().map(|&s| magnitude(s)).collect();
             let reach = (1.0 / probe.sample_spacing_mm()) as usize;
@@ -89,7 +89,7 @@ fn rendered_widths(probe: &Probe, depths: &[f64]) -> Vec<f64> {
     let width = |(i, &depth): (usize, &f64)| {
         let sample = (depth / probe.sample_spacing_mm()) as usize;
         let across: Vec<f64> = (line(i) - share / 2..line(i) + share / 2)
-            .map(|l| magnitude(frame.lines[l as usize * probe.samples as usize + sample]).max(1e-30))
+            .map(|l| magnitude(frame.lines[l as usize * probe.sample_count() as usize + sample]).max(1e-30))
             .collect();
         half_width(&across) * probe.line_spacing_mm(depth)
     };
@@ -177,7 +177,7 @@ fn points_of_a_phased_array_widen_beside_its_normal_as_by_diffraction() {
         let frame = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1)).frame(&at(0.0, 0.0, 0.0));
         let sample = (depth_mm / probe.sample_spacing_mm()) as usize;
         let across: Vec<f64> = (line - 40..line + 40)
-            .map(|l| magnitude(frame.lines[l as usize * probe.samples as usize + sample]).max(1e-30))
+            .map(|l| magnitude(frame.lines[l as usize * probe.sample_count() as usize + sample]).max(1e-30))
             .collect();
         let got = half_width(&across) * probe.line_spacing_mm(depth_mm);
         let want = diffraction_width_mm(&probe, depth_mm, angle_rad);

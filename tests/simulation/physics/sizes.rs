@@ -21,14 +21,18 @@ fn buffers_of_any_size_give_complete_frames() {
     let convex = |fov_deg| ProbeKind::Convex { radius_mm: 40.0, fov_deg };
     let base = Probe { depth_mm: 60.0, ..Probe::default() };
     let cases = [
-        (Probe { scanlines: 1, samples: 1, ..base }, (16, 16), (1, 1)),
-        (Probe { scanlines: 1, samples: 333, ..base }, (17, 33), (1, 2)),
-        (Probe { scanlines: 7, samples: 333, ..base }, (17, 33), (3, 2)),
-        (Probe { scanlines: 7, samples: 1, kind: phased(180.0), ..base }, (33, 17), (1, 1)),
-        (Probe { scanlines: 65, samples: 1023, kind: convex(0.1), ..base }, (65, 129), (1, 1)),
-        (Probe { scanlines: 33, samples: 500, kind: convex(180.0), ..base }, (127, 63), (5, 33)),
-        (Probe { scanlines: 3, samples: 8192, kind: ProbeKind::Linear { width_mm: 0.1 }, ..base }, (19, 1001), (1, 1)),
-        (Probe { scanlines: 1024, samples: 17, kind: phased(0.1), ..base }, (501, 21), (1, 1)),
+        (Probe { scanlines: 1, samples: 1.into(), ..base }, (16, 16), (1, 1)),
+        (Probe { scanlines: 1, samples: 333.into(), ..base }, (17, 33), (1, 2)),
+        (Probe { scanlines: 7, samples: 333.into(), ..base }, (17, 33), (3, 2)),
+        (Probe { scanlines: 7, samples: 1.into(), kind: phased(180.0), ..base }, (33, 17), (1, 1)),
+        (Probe { scanlines: 65, samples: 1023.into(), kind: convex(0.1), ..base }, (65, 129), (1, 1)),
+        (Probe { scanlines: 33, samples: 500.into(), kind: convex(180.0), ..base }, (127, 63), (5, 33)),
+        (
+            Probe { scanlines: 3, samples: 8192.into(), kind: ProbeKind::Linear { width_mm: 0.1 }, ..base },
+            (19, 1001),
+            (1, 1),
+        ),
+        (Probe { scanlines: 1024, samples: 17.into(), kind: phased(0.1), ..base }, (501, 21), (1, 1)),
     ];
     for (probe, (width, height), (rays, layers)) in cases {
         let mut settings = small(rays, layers);
@@ -72,7 +76,7 @@ fn wrong_settings_are_refused() {
         ("fractional_bandwidth", |p, _| p.fractional_bandwidth = 0.0),
         ("depth_mm", |p, _| p.depth_mm = -1.0),
         ("scanlines", |p, _| p.scanlines = 0),
-        ("samples", |p, _| p.samples = 8193),
+        ("samples", |p, _| p.samples = 8193.into()),
         ("focus_mm", |p, _| p.focus_mm = 0.0),
         ("aperture_mm", |p, _| p.aperture_mm = f64::INFINITY),
         ("elevational_height_mm", |p, _| p.elevational_height_mm = 0.0),

@@ -29,7 +29,7 @@ fn patch_difference(a: &Frame, b: &Frame) -> f64 {
 fn high_quality_is_within_two_grey_levels_of_its_limit() {
     for name in ["sphere", "slabs", "vessel_needle", "gallbladder_stones", "lung_air"] {
         let mut station = Station::load(Path::new(&format!("configs/{name}.toml"))).unwrap();
-        station.probe.samples = 1536;
+        station.probe.samples = 1536.into();
         let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
         let pose = station.default_pose.unwrap_or(at(0.0, 0.0, 0.0));
         let frame = |rays, layers| {

@@ -24,7 +24,7 @@ fn tilted() -> Pose {
 /// Envelopes of the scanlines in each of `bands` ranges of depth. Scanlines whose beam the sector's edge cuts are left
 /// out.
 fn envelope(rig: &Rig, frame: &Frame, bands: usize) -> Vec<Vec<Vec<f64>>> {
-    let length = rig.probe.samples as usize / bands;
+    let length = rig.probe.sample_count() as usize / bands;
     let lines = 4..rig.probe.scanlines - 4;
     let part = |band: usize, line: u32| {
         rig.line(frame, line)[band * length..][..length].iter().map(|&s| magnitude(s)).collect()
@@ -90,7 +90,8 @@ fn speckle_of_a_phased_array_keeps_its_level_beside_the_normal() {
     for (from_mm, to_mm) in [(16.0, 24.0), (24.0, 32.0), (40.0, 60.0), (90.0, 110.0)] {
         let level_db = |first: u32| {
             let samples = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
-            let line = |line: u32| &frame.lines[(line * probe.samples) as usize..][samples(from_mm)..samples(to_mm)];
+            let line =
+                |line: u32| &frame.lines[(line * probe.sample_count()) as usize..][samples(from_mm)..samples(to_mm)];
             10.0 * (mean_square((first..first + 60).flat_map(|l| line(l).iter().map(|&s| magnitude(s)))) / 1e-4).log10()
         };
         let (middle, beside) = (level_db(226), level_db(20));
@@ -219,7 +220,7 @@ fn speckle_never_repeats() {
     // Autocorrelation of the complex lines over every lag along a line, and over every distance across.
     let mut rig = Rig::new(&block(grainy(0.0, 0.01)), &linear(256, 0.3, 2048, 100.0), &small(1, 1));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
-    let samples = rig.probe.samples as usize;
+    let samples = rig.probe.sample_count() as usize;
     let lines: Vec<&[[f32; 2]]> = (0..256).map(|l| rig.line(&frame, l)).collect();
     let product = |a: &[[f32; 2]], b: &[[f32; 2]]| {
         a.iter().zip(b).fold((0.0, 0.0), |(re, im), (a, b)| {
@@ -267,7 +268,7 @@ fn speckle_behind_refraction_is_the_scanlines_own() {
         (rig, frame)
     });
     // Behind the balls.
-    let deep = probe.samples as usize * 2 / 5..probe.samples as usize;
+    let deep = probe.sample_count() as usize * 2 / 5..probe.sample_count() as usize;
     let signals = frames.each_ref().map(|(rig, frame)| {
         let lines = (4..probe.scanlines - 4).flat_map(|line| rig.line(frame, line)[deep.clone()].to_vec());
         lines.map(|[re, im]| glam::DVec2::new(re.into(), im.into())).collect::<Vec<_>>()

@@ -93,7 +93,7 @@ fn the_largest_layer_renders_on_a_device_that_binds_little() {
     // Segments of 503 MB; software takes 96 MiB.
     let mut case = nested();
     case.probe.kind = ProbeKind::Linear { width_mm: 40.0 };
-    (case.probe.scanlines, case.probe.samples) = (1024, 64);
+    (case.probe.scanlines, case.probe.samples) = (1024, 64.into());
     case.settings = RenderSettings { lines: false, maps: false, ..case.settings };
     case.settings.quality = Quality { rays: 256, layers: 1, seed: 3 };
     let (mut device, mut host) = (Frame::default(), Frame::default());

@@ -69,7 +69,7 @@ fn frames_of_the_host_and_of_the_device_hardly_differ() {
 fn a_frame_of_several_batches_is_the_same_on_repeat_and_has_no_snapshot() {
     // More paths than a batch holds: 33 scanlines × 200 rays × 10 layers.
     let mut case = nested();
-    case.probe.samples = 64;
+    case.probe.samples = 64.into();
     case.settings.quality = Quality { rays: 200, layers: 10, seed: 3 };
     let mut renderer = case.host_renderer();
     assert!(renderer.snapshot(&case.pose).is_err(), "the layers fit into one batch");
@@ -84,7 +84,7 @@ fn the_host_takes_more_than_every_device_binds() {
     // Segments of 254 MB, more than the 128 MiB that every device binds.
     let mut case = nested();
     case.probe.kind = ProbeKind::Linear { width_mm: 40.0 };
-    (case.probe.scanlines, case.probe.samples) = (1024, 64);
+    (case.probe.scanlines, case.probe.samples) = (1024, 64.into());
     case.settings = RenderSettings { lines: false, maps: false, ..case.settings };
     case.settings.quality = Quality { rays: 128, layers: 1, seed: 3 };
     let mut frame = Frame::default();

@@ -204,7 +204,7 @@ fn losses_of_any_strength_are_their_twins() {
     let mut wrong = Vec::new();
     for mut case in cases() {
         // Bone attenuates by more than 100 dB from one sample to the next.
-        (case.probe.samples, case.probe.frequency_mhz) = (48, 15.0);
+        (case.probe.samples, case.probe.frequency_mhz) = (48.into(), 15.0);
         let snapshot = snapshot(&case);
         wrong.extend(
             ["trace", "march"].iter().filter_map(|pass| compare(pass, &snapshot).err()).map(|e| (case.name, e)),
@@ -217,7 +217,7 @@ fn losses_of_any_strength_are_their_twins() {
 fn layers_in_turns_are_one_frame_of_the_host() {
     // More paths than a batch holds: 33 scanlines × 200 rays × 10 layers.
     let mut case = nested();
-    case.probe.samples = 64;
+    case.probe.samples = 64.into();
     case.settings.quality = Quality { rays: 200, layers: 10, seed: 3 };
     let host = frame(&case);
     let mut device = Frame::default();

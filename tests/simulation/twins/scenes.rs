@@ -53,7 +53,7 @@ pub(crate) fn scene(parts: Vec<Part>, background: &str) -> Scene {
 pub(crate) fn probe(kind: ProbeKind, depth_mm: f64, scanlines: u32, samples: u32) -> Probe {
     // A narrow aperture: the beam spans several of the few scanlines.
     let beam = Probe { focus_mm: 0.5 * depth_mm, aperture_mm: 5.0, ..Probe::default() };
-    Probe { kind, depth_mm, scanlines, samples, ..beam }
+    Probe { kind, depth_mm, scanlines, samples: samples.into(), ..beam }
 }
 
 pub(crate) fn settings(quality: (u32, u32), width: u32) -> RenderSettings {

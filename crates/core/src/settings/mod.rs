@@ -29,6 +29,7 @@ mod probe;
 mod provider;
 mod quality;
 mod recorded;
+mod samples;
 mod scene;
 mod setting;
 mod tracker;
@@ -59,16 +60,18 @@ pub use origin::{NotAnOrigin, Origin};
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use precision::Precision;
 pub use presets::{Preset, exams, looks, preset};
+pub(crate) use probe::SAMPLES_MAX;
 pub use probe::{Face, Probe, ProbeKind};
 pub use provider::Provider;
 pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 pub use quality::{Quality, RenderSettings};
+pub use samples::Samples;
 pub use scene::{
     FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, Lie, PlacentaSite, ROLL_RANGE_DEG, SCALE_RANGE, SceneSettings,
     WEEKS_RANGE, Wall,
 };
 pub(crate) use setting::stored_word;
-pub use setting::{Change, Kind, Setting, SettingsError, Stored};
+pub use setting::{AUTO, Change, Kind, Setting, SettingsError, Stored};
 pub use tracker::PUCK_RANGE;
 pub use tracker::{Repeat, ReplyFormat, TrackerSettings};
 pub use uniform::{Uniform, wgsl_readers};

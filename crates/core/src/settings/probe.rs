@@ -3,7 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::live_control::{choice, slider, toggle};
-use super::{Apodization, Change, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
+use super::{Apodization, Change, Samples, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
+
+/// Largest number of samples per scanline.
+pub(crate) const SAMPLES_MAX: u32 = 8192;
 
 /// Shape of a transducer's face.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -91,7 +94,7 @@ impl SettingsGroup for ProbeKind {
 }
 
 settings! {
-    /// A probe. Defaults as in Zhang et al. 2020: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
+    /// A probe. Defaults as in Zhang et al. 2020: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct Probe in "probe" {
         /// Centre frequency.
@@ -111,8 +114,8 @@ settings! {
         /// Number of scanlines.
         scanlines: u32 = 256, "", 1.0..=1024.0, Everything;
 
-        /// Number of complex baseband samples per scanline.
-        samples: u32 = 3072, "", 1.0..=8192.0, Everything;
+        /// Number of complex baseband samples per scanline; "auto": as many as the pulse needs.
+        samples: Samples = Samples::Auto, "", 1.0..=f64::from(SAMPLES_MAX), Everything;
 
         /// Depth of the transmit focus.
         focus_mm: f64 = 70.0, "mm", 1.0..=1000.0, Tables,

@@ -32,6 +32,9 @@ pub struct Setting {
     pub control: Option<LiveControl>,
 }
 
+/// Word of a setting that the program chooses.
+pub const AUTO: &str = "auto";
+
 /// Type of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -39,6 +42,8 @@ pub enum Kind {
     Number,
     /// A whole number.
     Whole,
+    /// A whole number or the word [`AUTO`], which is stored as 0.
+    WholeOrAuto,
     /// A list of this many numbers.
     Numbers(usize),
     /// On (1) or off (0).
@@ -116,7 +121,7 @@ impl Setting {
     pub const fn count(&self) -> usize {
         match self.kind {
             Kind::Numbers(count) => count,
-            Kind::Number | Kind::Whole | Kind::Switch | Kind::Word(_) => 1,
+            Kind::Number | Kind::Whole | Kind::WholeOrAuto | Kind::Switch | Kind::Word(_) => 1,
         }
     }
 
@@ -131,11 +136,14 @@ impl Setting {
     /// A value outside the range, NaN included; a fraction where a whole number is needed.
     pub fn check(&self, value: f64) -> Result<(), SettingsError> {
         let &Self { path: key, min, max, .. } = self;
+        if self.kind == Kind::WholeOrAuto && value == 0.0 {
+            return Ok(());
+        }
         if !(min..=max).contains(&value) {
             return Err(SettingsError::Range { key, value, min, max });
         }
         match self.kind {
-            Kind::Whole | Kind::Switch | Kind::Word(_) if value.fract() != 0.0 => {
+            Kind::Whole | Kind::WholeOrAuto | Kind::Switch | Kind::Word(_) if value.fract() != 0.0 => {
                 Err(SettingsError::Fraction { key, value })
             }
             _ => Ok(()),
@@ -164,7 +172,8 @@ impl Setting {
     pub fn default_toml(&self) -> String {
         match self.kind {
             Kind::Number => format!("{:?}", self.default),
-            Kind::Whole => self.default.to_string(),
+            Kind::WholeOrAuto if self.default == 0.0 => format!("{AUTO:?}"),
+            Kind::Whole | Kind::WholeOrAuto => self.default.to_string(),
             Kind::Numbers(count) => format!("[{}]", vec![self.default.to_string(); count].join(", ")),
             Kind::Switch => (self.default > 0.0).to_string(),
             Kind::Word(words) => format!("{:?}", word(words, self.default)),
@@ -175,7 +184,8 @@ impl Setting {
     pub fn to_json(&self, stored: &dyn Stored) -> Value {
         match self.kind {
             Kind::Number => json!(stored.get(0)),
-            Kind::Whole => json!(stored.get(0) as i64),
+            Kind::WholeOrAuto if stored.get(0) == 0.0 => json!(AUTO),
+            Kind::Whole | Kind::WholeOrAuto => json!(stored.get(0) as i64),
             Kind::Numbers(count) => (0..count).map(|index| stored.get(index)).collect(),
             Kind::Switch => json!(stored.get(0) > 0.0),
             Kind::Word(words) => json!(word(words, stored.get(0))),
@@ -189,9 +199,11 @@ impl Setting {
     pub fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
         let (numbers, expected): (Option<Vec<f64>>, _) = match self.kind {
             Kind::Number => (value.as_f64().map(|number| vec![number]), "a number".to_owned()),
-            Kind::Whole => {
+            Kind::WholeOrAuto if value.as_str() == Some(AUTO) => (Some(vec![0.0]), String::new()),
+            Kind::Whole | Kind::WholeOrAuto => {
                 let whole = value.as_u64().and_then(|whole| u32::try_from(whole).ok());
-                (whole.map(|whole| vec![whole.into()]), "a whole number".to_owned())
+                let or_auto = if self.kind == Kind::WholeOrAuto { format!(" or \"{AUTO}\"") } else { String::new() };
+                (whole.map(|whole| vec![whole.into()]), format!("a whole number{or_auto}"))
             }
             Kind::Switch => (value.as_bool().map(|on| vec![on.into()]), "true or false".to_owned()),
             Kind::Word(words) => {

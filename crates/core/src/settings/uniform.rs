@@ -57,7 +57,7 @@ pub fn wgsl_readers(prefix: &str, words: &str, settings: &[Setting]) -> String {
         let word = format!("{words}[{}u].{}", first / 4, ["x", "y", "z", "w"][first % 4]);
         let (argument, kind, value) = match setting.kind {
             Kind::Number => ("", "f32", format!("bitcast<f32>({word})")),
-            Kind::Whole | Kind::Word(_) => ("", "u32", word),
+            Kind::Whole | Kind::WholeOrAuto | Kind::Word(_) => ("", "u32", word),
             Kind::Switch => ("", "bool", format!("{word} != 0u")),
             Kind::Numbers(_) => {
                 let at = format!("({first}u + index)");

@@ -4,12 +4,37 @@ use glam::DVec3;
 
 use crate::acoustics::beam::{Beam, Reception};
 use crate::acoustics::{self, pulse, slide};
-use crate::settings::{Probe, ProbeKind};
+use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
+
+/// Largest distance between automatic samples, in standard deviations of the pulse's envelope. Grey levels are linear
+/// between samples: with fewer, lengths of displayed points are off by more than a tenth (`docs/notes/samples.md`).
+const SIGMAS_PER_SAMPLE: f64 = 1.0;
+/// Samples of a block. An automatic number has an odd number of blocks: scanlines a multiple of 4 KiB apart in memory
+/// would compete for the same part of the first-level cache.
+const BLOCK_SAMPLES: u32 = 16;
+/// Largest automatic number of blocks.
+const BLOCKS_MAX: u32 = SAMPLES_MAX / BLOCK_SAMPLES - 1;
 
 impl Probe {
+    /// Number of samples per scanline: `samples`, or as many as the pulse needs over the depth of the image. An
+    /// automatic number is an odd multiple of 16, up to 8176.
+    pub fn sample_count(&self) -> u32 {
+        match self.samples {
+            Samples::Number(samples) => samples,
+            Samples::Auto => BLOCK_SAMPLES * (self.samples_needed().div_ceil(BLOCK_SAMPLES).min(BLOCKS_MAX) | 1),
+        }
+    }
+
+    /// Number of samples per scanline that the pulse's bandwidth needs.
+    pub fn samples_needed(&self) -> u32 {
+        let needed = self.depth_mm / (SIGMAS_PER_SAMPLE * self.axial_sigma_mm());
+        // The conversion saturates: values outside their ranges are reported by `validate`.
+        needed.ceil().max(1.0) as u32
+    }
+
     /// Depth between neighbouring samples, mm, at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
-        self.depth_mm / f64::from(self.samples)
+        self.depth_mm / f64::from(self.sample_count())
     }
 
     /// Radius of the face, mm: 0 for a phased array, `None` for a flat (linear) one.

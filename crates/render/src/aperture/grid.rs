@@ -246,20 +246,21 @@ pub(super) fn receive_mm(probe: &Probe, depth_mm: f64) -> f64 {
     probe.aperture_mm.min(depth_mm / RECEIVE_F_NUMBER_MIN)
 }
 
-/// Samples per depth interval, and the number of intervals. An interval has a multiple of 16 samples, or a smaller
-/// power of two.
+/// Samples per depth interval, and the number of intervals. An interval's samples are rounded by an eighth at most, to
+/// a multiple of up to 8, or to a power of two below 16.
 fn planes(probe: &Probe) -> (u32, usize) {
     let apart_mm = PLANE_MM.max(probe.depth_mm / (PLANES_MAX as f64 - 1.0));
     let samples = ((apart_mm / probe.sample_spacing_mm()) as u32).max(1);
     let deep = probe.depth_mm / (PLANES_MAX as f64 - 1.0) > PLANE_MM;
+    let step = 1 << samples.ilog2().saturating_sub(3).min(3);
     let rounded = match samples {
         // Rounded up if the number of planes is at its limit.
-        16.. if deep => samples.div_ceil(16) * 16,
-        16.. => samples / 16 * 16,
+        16.. if deep => samples.next_multiple_of(step),
+        16.. => samples / step * step,
         _ if deep => samples.next_power_of_two(),
         _ => 1 << samples.ilog2(),
     };
-    (rounded, probe.samples.div_ceil(rounded) as usize)
+    (rounded, probe.sample_count().div_ceil(rounded) as usize)
 }
 
 /// Mode numbers from −`highest` to `highest`, padded to whole groups, and the number of modes that reach the last

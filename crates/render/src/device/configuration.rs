@@ -108,7 +108,7 @@ mod tests {
         let scene = analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap();
         let bvh = Bvh::build(&scene).unwrap();
         let media = Media::new(&scene, &bvh);
-        let probe = Probe { scanlines: 32, samples: 512, ..Probe::default() };
+        let probe = Probe { scanlines: 32, samples: 512.into(), ..Probe::default() };
         let mut settings = RenderSettings { quality: Quality { rays: 4, layers: 2, seed: 0 }, ..Default::default() };
         let on = [Effect::Scatterers, Effect::InterfaceEchoes].map(|effect| (effect, Choice::On));
         for (effect, choice) in on.into_iter().chain([(Effect::Aperture, aperture), (Effect::Noise, Choice::On)]) {

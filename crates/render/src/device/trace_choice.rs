@@ -221,7 +221,7 @@ mod tests {
         let scene = analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap();
         let bvh = Bvh::build(&scene).unwrap();
         let media = Media::new(&scene, &bvh);
-        let probe = Probe { scanlines: 32, samples: 512, ..Probe::default() };
+        let probe = Probe { scanlines: 32, samples: 512.into(), ..Probe::default() };
         let configuration = Configuration::new(&media, &probe, &RenderSettings::default(), None, &[]).unwrap();
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &configuration, angle: 0 };
         let scene = SceneBuffers::new(&gpu, &media.surface_words, &bvh).unwrap();

@@ -253,7 +253,7 @@ mod tests {
             mesh: analytic::sphere(DVec3::new(0.0, 0.0, 60.0).as_vec3(), 30.0, 3),
         };
         let scene = analytic::scene(vec![ball], &TissueTable::builtin().unwrap(), "water").unwrap();
-        let probe = Probe { scanlines: 32, samples: 512, ..Probe::default() };
+        let probe = Probe { scanlines: 32, samples: 512.into(), ..Probe::default() };
         let backend = Backend::open(BackendChoice::Host).unwrap();
         (Renderer::new(&backend, &scene, &probe, settings).unwrap(), probe)
     }

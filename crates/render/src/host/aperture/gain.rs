@@ -39,9 +39,18 @@ impl<'a> ApertureGains<'a> {
                 (falls[i], passed[i]) = (segment.fall_np_mm, segment.ln_passed_at_zero);
             }
         }
-        if (self.tables.plane_samples as usize).is_multiple_of(BLOCK) {
-            let interval = (first / self.tables.plane_samples) as usize;
-            return gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed]);
+        // A block lies in one interval or in two, unless intervals are shorter than blocks.
+        let interval_samples = self.tables.plane_samples;
+        if interval_samples as usize >= BLOCK {
+            let (interval, last) = ((first / interval_samples) as usize, gain.row.len() - 2);
+            // No closure: if not inlined, it is compiled without the vector instructions.
+            let mut ln_gain = gain.whole_block(params, first, interval.min(last), [&falls, &passed]);
+            let in_first = (interval_samples - first % interval_samples) as usize;
+            if in_first < BLOCK {
+                let next = gain.whole_block(params, first, (interval + 1).min(last), [&falls, &passed]);
+                ln_gain[in_first..].copy_from_slice(&next[in_first..]);
+            }
+            return ln_gain;
         }
         let mut ln_gain = [0.0; BLOCK];
         for (i, ln_gain) in ln_gain.iter_mut().enumerate() {

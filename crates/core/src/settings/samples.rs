@@ -1,0 +1,86 @@
+//! Number of samples per scanline: chosen, or from the pulse.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use super::setting::AUTO;
+use super::{Kind, Stored};
+
+/// Number of complex baseband samples per scanline.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Samples {
+    /// As many as the pulse's bandwidth needs over the image's depth: see
+    /// [`Probe::sample_count`](super::Probe::sample_count).
+    #[default]
+    Auto,
+    /// This many, at least 1.
+    Number(u32),
+}
+
+impl From<u32> for Samples {
+    /// `samples`, or [`Samples::Auto`] for 0.
+    fn from(samples: u32) -> Self {
+        if samples == 0 { Self::Auto } else { Self::Number(samples) }
+    }
+}
+
+impl Stored for Samples {
+    fn kind(&self) -> Kind {
+        Kind::WholeOrAuto
+    }
+
+    fn get(&self, _index: usize) -> f64 {
+        match *self {
+            Self::Auto => 0.0,
+            Self::Number(samples) => samples.into(),
+        }
+    }
+
+    fn set(&mut self, _index: usize, value: f64) {
+        *self = Self::from(value as u32);
+    }
+}
+
+impl Serialize for Samples {
+    /// A number, or "auto".
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => serializer.serialize_str(AUTO),
+            Self::Number(samples) => serializer.serialize_u32(*samples),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Samples {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Written {
+            Number(u32),
+            Word(String),
+        }
+        match Written::deserialize(deserializer)? {
+            Written::Number(samples) if samples > 0 => Ok(Self::Number(samples)),
+            Written::Word(word) if word == AUTO => Ok(Self::Auto),
+            Written::Number(_) | Written::Word(_) => Err(de::Error::custom("samples must be 1 or more, or \"auto\"")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_come_back_from_json_and_from_their_stored_number() {
+        for samples in [Samples::Auto, Samples::Number(3072)] {
+            let json = serde_json::to_value(samples).unwrap();
+            assert_eq!(serde_json::from_value::<Samples>(json).unwrap(), samples);
+            let mut stored = Samples::Number(1);
+            stored.set(0, samples.get(0));
+            assert_eq!(stored, samples);
+        }
+        for wrong in ["0", "-1", "1.5", "\"all\"", "true"] {
+            assert!(serde_json::from_str::<Samples>(wrong).is_err(), "{wrong}");
+        }
+    }
+}
