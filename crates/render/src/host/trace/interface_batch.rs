@@ -33,6 +33,7 @@ pub(super) struct Arrival {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
     pub(super) is_axial: bool,
+    pub(super) follows_reflections: bool,
     pub(super) bounce: u32,
 }
 
@@ -73,6 +74,8 @@ pub(super) struct Arrivals {
     pub(super) layer: Words,
     /// 1 for an axial path, else 0.
     pub(super) is_axial: Words,
+    /// 1 for a path that follows reflections, else 0.
+    pub(super) follows_reflections: Words,
     pub(super) bounce: Words,
     /// Generators of the low-discrepancy numbers at the first interfaces; 0 at later interfaces (plain hashes).
     pub(super) generators: [Words; DIMENSIONS],
@@ -158,6 +161,7 @@ impl InterfaceBatch {
         (arrivals.line_ray[i], arrivals.layer[i], arrivals.bounce[i]) =
             (arrival.line_ray, arrival.layer, arrival.bounce);
         arrivals.is_axial[i] = u32::from(arrival.is_axial);
+        arrivals.follows_reflections[i] = u32::from(arrival.follows_reflections);
         let generators: [u32; 4] = KRONECKER.as_chunks().0.get(arrival.bounce as usize).copied().unwrap_or_default();
         for (dim, words) in arrivals.generators.iter_mut().enumerate() {
             words[i] = generators[dim];

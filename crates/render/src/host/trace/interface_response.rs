@@ -124,7 +124,9 @@ fn transmit_or_reflect(
         let roughness = arrivals.roughness[i];
         let accepted = acceptance(roughness * roughness, arrivals.range_mm[i], aperture_mm);
         let energy = split.energy_reflection;
-        let follow = effects.reflections & (energy * accepted >= constants.reflection_followed());
+        let follow = effects.reflections
+            & (arrivals.follows_reflections[i] != 0)
+            & (energy * accepted >= constants.reflection_followed());
         // With the aperture, an axial path passes every interface, since the aperture reaches the scatterers behind it.
         let passes = effects.aperture & (arrivals.is_axial[i] != 0);
         let reflected = effects.reflections & !passes & ((energy >= 1.0) | (follow & (random[i] < energy)));
@@ -213,6 +215,7 @@ mod tests {
             line_ray: (8000.0 * number(24)) as u32,
             layer: (3.0 * number(25)) as u32,
             is_axial: number(27) < 0.1,
+            follows_reflections: number(28) < 0.7,
             bounce: (9.0 * number(26)) as u32,
         }
     }

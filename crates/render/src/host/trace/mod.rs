@@ -1,14 +1,14 @@
 //! The passes `locate` and `trace`: paths through the scene, in packets of neighbours over all cores.
 //!
 //! `path_packet.rs` holds the loop of a packet, `path.rs` the steps of one path. Up to its first reflection a path is
-//! straight: one traversal of the tree (`packet.rs`) finds all triangles that it may cross, its candidates. After a
-//! reflection, each path has a search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at
-//! once (`interface_response.rs`).
+//! straight: one traversal of the tree (`packet.rs`) finds all its crossings (`line_crossings.rs`). After a reflection,
+//! each path has a search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at once
+//! (`interface_response.rs`).
 
-mod candidates;
 pub(super) mod interface;
 mod interface_batch;
 mod interface_response;
+mod line_crossings;
 pub(super) mod membership;
 pub(super) mod packet;
 mod packet_bounds;

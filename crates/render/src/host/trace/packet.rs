@@ -6,7 +6,7 @@ use glam::Vec3;
 use insonify_core::anatomy::bvh::PackedTriangle;
 
 use super::packet_bounds::PacketBounds;
-use super::ray_triangle::{DRIFT_MM, intersection, possible_distances};
+use super::ray_triangle::intersection;
 use super::traverse::{Ray, Stack, Tree, boxes, intersect, leaf, max, min, prefetch_child, slack};
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, bits, fold};
@@ -67,18 +67,6 @@ impl Packet {
         Vec3::new(self.direction[0][lane], self.direction[1][lane], self.direction[2][lane])
     }
 
-    /// Distance beyond which a lane searches for crossings, mm.
-    #[inline(always)]
-    pub(super) fn t_min(&self, lane: usize) -> f32 {
-        self.t_min[lane]
-    }
-
-    /// The ray of a lane.
-    #[inline(always)]
-    pub(super) fn ray(&self, lane: usize) -> &Ray {
-        &self.single[lane]
-    }
-
     /// Adds a ray that searches for crossings in (t_min, t_max].
     #[inline(always)]
     pub(in crate::host) fn set(&mut self, lane: usize, ray: Ray, t_min: f32, t_max: f32) {
@@ -118,7 +106,7 @@ struct Met {
 }
 
 /// Tests a node's boxes against `rays`. If there are many, only boxes that the packet's bounds meet between the
-/// distances `ends` are tested. Rays within `aside_mm` of a box count as met.
+/// distances `ends` are tested.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(
@@ -128,13 +116,12 @@ fn meet(
     rays: u32,
     first: &Lanes,
     last: &Lanes,
-    aside_mm: f32,
 ) -> Met {
     let mut met = Met { near: [f32::INFINITY; WIDTH], rays: [0; WIDTH] };
     if rays.count_ones() <= FEW_AT_A_NODE {
         for lane in bits(rays) {
             let mut near = [0.0; WIDTH];
-            let hit = boxes(node, &packet.single[lane], first[lane], last[lane], aside_mm, &mut near);
+            let hit = boxes(node, &packet.single[lane], first[lane], last[lane], &mut near);
             for slot in 0..WIDTH {
                 let hits = hit >> slot & 1;
                 met.rays[slot] |= hits << lane;
@@ -156,8 +143,7 @@ fn meet(
             for i in 0..GROUP {
                 let lane = group * GROUP + i;
                 let plane = |side: usize, axis: usize| {
-                    let at = if side == 0 { bounds[axis][slot] - aside_mm } else { bounds[3 + axis][slot] + aside_mm };
-                    (at - packet.origin[axis][lane]) * packet.reciprocal[axis][lane]
+                    (bounds[3 * side + axis][slot] - packet.origin[axis][lane]) * packet.reciprocal[axis][lane]
                 };
                 let (x0, x1) = (plane(0, 0), plane(1, 0));
                 let (y0, y1) = (plane(0, 1), plane(1, 1));
@@ -193,120 +179,44 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut 
     (hits, entering)
 }
 
-/// Work of a traversal at the leaves.
-trait Leaves {
-    /// Distance from the packet's rays within which boxes count as met, mm.
-    const ASIDE_MM: f32;
-
-    /// Tests the triangles of a leaf against some rays of the packet.
-    fn meet(&mut self, triangles: Range<usize>, rays: u32);
+/// Calls `found(lane, t, triangle, enters)` for every crossing of `rays` with the triangles of a leaf.
+#[inline(always)]
+fn meet_leaf(
+    tree: &Tree<'_>,
+    packet: &Packet,
+    triangles: Range<usize>,
+    rays: u32,
+    found: &mut impl FnMut(usize, f32, u32, bool),
+) {
+    for index in triangles {
+        let triangle = &tree.triangles[index];
+        if rays.count_ones() <= FEW_AT_A_LEAF {
+            for lane in bits(rays) {
+                if let Some((t, enters)) = intersect(triangle, &packet.single[lane])
+                    && t > packet.t_min[lane]
+                    && t <= packet.t_max[lane]
+                {
+                    found(lane, t, index as u32, enters);
+                }
+            }
+            continue;
+        }
+        let mut t = [0.0; RAYS];
+        let (hits, entering) = intersections(triangle, packet, rays, &mut t);
+        for lane in bits(hits & rays) {
+            found(lane, t[lane], index as u32, entering >> lane & 1 != 0);
+        }
+    }
 }
 
-/// Calls `found(lane, t, triangle, enters)` for every crossing in the leaves that the rays meet.
+/// Traverses the tree, and calls `found(lane, t, triangle, enters)` for every crossing of the packet's rays.
 #[inline(always)]
 pub(super) fn crossings(
     tree: &Tree<'_>,
     packet: &Packet,
     visits: &mut Visits,
-    found: impl FnMut(usize, f32, u32, bool),
+    mut found: impl FnMut(usize, f32, u32, bool),
 ) {
-    traverse(tree, packet, visits, &mut Crossings { tree, packet, found });
-}
-
-/// The work of [`crossings`] at the leaves.
-struct Crossings<'a, F> {
-    tree: &'a Tree<'a>,
-    packet: &'a Packet,
-    found: F,
-}
-
-impl<F: FnMut(usize, f32, u32, bool)> Leaves for Crossings<'_, F> {
-    const ASIDE_MM: f32 = 0.0;
-
-    #[inline(always)]
-    fn meet(&mut self, triangles: Range<usize>, rays: u32) {
-        let packet = self.packet;
-        for index in triangles {
-            let triangle = &self.tree.triangles[index];
-            if rays.count_ones() <= FEW_AT_A_LEAF {
-                for lane in bits(rays) {
-                    if let Some((t, enters)) = intersect(triangle, &packet.single[lane])
-                        && t > packet.t_min[lane]
-                        && t <= packet.t_max[lane]
-                    {
-                        (self.found)(lane, t, index as u32, enters);
-                    }
-                }
-                continue;
-            }
-            let mut t = [0.0; RAYS];
-            let (hits, entering) = intersections(triangle, packet, rays, &mut t);
-            for lane in bits(hits & rays) {
-                (self.found)(lane, t[lane], index as u32, entering >> lane & 1 != 0);
-            }
-        }
-    }
-}
-
-/// Calls `found(lane, [least, most], triangle)` for every triangle that a ray within [`DRIFT_MM`] of a packet's ray may
-/// cross. `least` and `most` bound the distance at which it may do so.
-#[inline(always)]
-pub(super) fn possible_crossings(
-    tree: &Tree<'_>,
-    packet: &Packet,
-    visits: &mut Visits,
-    found: impl FnMut(usize, [f32; 2], u32),
-) {
-    traverse(tree, packet, visits, &mut PossibleCrossings { tree, packet, found });
-}
-
-/// The work of [`possible_crossings`] at the leaves.
-struct PossibleCrossings<'a, F> {
-    tree: &'a Tree<'a>,
-    packet: &'a Packet,
-    found: F,
-}
-
-impl<F: FnMut(usize, [f32; 2], u32)> Leaves for PossibleCrossings<'_, F> {
-    const ASIDE_MM: f32 = DRIFT_MM;
-
-    #[inline(always)]
-    fn meet(&mut self, triangles: Range<usize>, rays: u32) {
-        let packet = self.packet;
-        for index in triangles {
-            let triangle = &self.tree.triangles[index];
-            if rays.count_ones() <= FEW_AT_A_LEAF {
-                for lane in bits(rays) {
-                    let ray = &packet.single[lane];
-                    let (least, most, hit) = possible_distances(triangle, ray.origin, ray.direction);
-                    if hit {
-                        (self.found)(lane, [least, most], index as u32);
-                    }
-                }
-                continue;
-            }
-            let (mut least, mut most, mut hits) = ([0.0; RAYS], [0.0; RAYS], 0);
-            for group in 0..RAYS / GROUP {
-                if idle(rays, group) {
-                    continue;
-                }
-                for i in 0..GROUP {
-                    let lane = group * GROUP + i;
-                    let (from, to, hit) = possible_distances(triangle, packet.origin(lane), packet.direction(lane));
-                    (least[lane], most[lane]) = (from, to);
-                    hits |= u32::from(hit) << lane;
-                }
-            }
-            for lane in bits(hits & rays) {
-                (self.found)(lane, [least[lane], most[lane]], index as u32);
-            }
-        }
-    }
-}
-
-/// Traverses the tree, and calls [`Leaves::meet`] for each leaf that rays of the packet meet.
-#[inline(always)]
-fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, leaves: &mut L) {
     let visits = &mut visits.0;
     let (mut first, mut last) = ([0.0; RAYS], [0.0; RAYS]);
     for lane in 0..RAYS {
@@ -317,13 +227,13 @@ fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, le
     }
     let ends = [fold(first, min), fold(last, max)];
     let rays = [&packet.origin, &packet.direction, &packet.reciprocal];
-    let packet_bounds = PacketBounds::new(rays, packet.on, ends, L::ASIDE_MM);
+    let packet_bounds = PacketBounds::new(rays, packet.on, ends);
     let mut depth = 0;
     let mut visit = Visit { near: 0.0, child: 0, rays: packet.on };
     loop {
         if visit.child & LEAF == 0 {
             let node = &tree.nodes[visit.child as usize];
-            let met = meet(node, (&packet_bounds, ends), packet, visit.rays, &first, &last, L::ASIDE_MM);
+            let met = meet(node, (&packet_bounds, ends), packet, visit.rays, &first, &last);
             let bottom = depth;
             for slot in 0..WIDTH {
                 let child = node.children[slot];
@@ -343,7 +253,7 @@ fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, le
                 depth += 1;
             }
         } else {
-            leaves.meet(leaf(visit.child), visit.rays);
+            meet_leaf(tree, packet, leaf(visit.child), visit.rays, &mut found);
         }
         if depth == 0 {
             return;

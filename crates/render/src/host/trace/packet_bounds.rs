@@ -34,14 +34,12 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl PacketBounds {
-    /// Bounds of the rays whose bits are set in `rays`, and of all rays within `aside_mm` of them. The rays search
-    /// between `first_mm` and `last_mm` of distance.
+    /// Bounds of the rays whose bits are set in `rays`. They search between `first_mm` and `last_mm` of distance.
     #[inline(always)]
     pub(super) fn new(
         [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
         rays: u32,
         [first_mm, last_mm]: [f32; 2],
-        aside_mm: f32,
     ) -> Self {
         let mut on = [false; RAYS];
         for (lane, on) in on.iter_mut().enumerate() {
@@ -54,8 +52,7 @@ impl PacketBounds {
             strays[lane] = if on[lane] { stray(origin) + stray(direction) + stray(reciprocal) } else { 0.0 };
         }
         let axes = std::array::from_fn(|axis| {
-            let [least, most] = range(&origin[axis], &on);
-            let origin = [least - aside_mm, most + aside_mm];
+            let origin = range(&origin[axis], &on);
             let farthest = max(max(origin[0].abs(), origin[1].abs()), max(first_mm.abs(), last_mm.abs()));
             Span {
                 origin,

@@ -2,10 +2,10 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-use super::candidates::Candidates;
 use super::interface::ln;
 use super::interface_batch::{Arrival, Departure};
 use super::interface_response::Rules;
+use super::line_crossings::LineCrossings;
 use super::membership::{Inside, coupling, cross, cross_until, film_reach_mm, highest, medium_word};
 use super::path_record::PathRecord;
 use super::path_state::PathState;
@@ -53,11 +53,11 @@ pub(super) struct MediumChange {
     triangle: u32,
 }
 
-/// The next interface of a path, as far as its candidates tell.
+/// The next interface of a path, as far as the crossings of its straight line tell.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NextInterface {
     At(MediumChange),
-    /// Unknown until the tree is searched: candidates are missing, or the path has reflected.
+    /// Unknown until the tree is searched: the path has left its straight line, or crossings are missing.
     Unknown,
     /// The path ends before another interface.
     None,
@@ -183,7 +183,7 @@ impl Scene<'_> {
         record.starts[count] = state.range_mm;
         record.segments[count] = Segment {
             origin_mm: from.to_array(),
-            ln_amplitude_at_zero: state.ln_amplitude + state.ln_scatter + fall * state.range_mm,
+            ln_amplitude_at_zero: state.ln_amplitude + state.ln_scatter + state.ln_share + fall * state.range_mm,
             step: step.to_array(),
             fall_np_mm: fall,
             scatterer_mean: tissue.scatterer_mean,
@@ -210,10 +210,8 @@ impl Scene<'_> {
         state: &mut PathState,
         found: Nearest,
         covered: &mut Covered,
-        candidates: &Candidates,
         coincident: &mut Coincident,
     ) -> Option<MediumChange> {
-        let tissue = &self.tissues[state.here as usize];
         let covered = covered.up_to(found.crossing.t + TOUCH_MM);
         let (passed, end, touching) = cross_until(self.tree.triangles, covered, found.crossing.t, &mut state.inside);
         state.crossed += 1 + passed;
@@ -229,16 +227,26 @@ impl Scene<'_> {
         if found.crowded || !touching.is_empty() {
             let least = state.t_min.max(t - TOUCH_MM).max(end);
             let most = (t + TOUCH_MM).min(self.left_mm(state));
-            let all = self.collect(state, [least, most], candidates, coincident);
-            coincident.crossings[..all].sort_unstable_by(by_distance);
+            let ray = Ray::new(state.origin, state.direction);
+            let Coincident { stack, crossings: into } = coincident;
+            let (all, missed) = collect(&self.tree, &ray, least, most, stack, into);
+            state.lost += missed;
+            into[..all].sort_unstable_by(by_distance);
             crossings = all.max(1);
         }
         let here = &coincident.crossings[..crossings];
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
+        self.cross(state, here, t, state.origin + state.direction * t)
+    }
+
+    /// Advances the path by `t` mm to coincident crossings at a position. Returns the change of medium there; `None` if
+    /// the medium stays the same.
+    #[inline(always)]
+    fn cross(&self, state: &mut PathState, here: &[Crossing], t: f32, position: Vec3) -> Option<MediumChange> {
+        let tissue = &self.tissues[state.here as usize];
         let before = state.inside;
         cross(self.tree.triangles, here, &mut state.inside);
-        state.origin += state.direction * t;
-        state.along.step(t);
+        state.origin = position;
         let there = self.medium_word(state);
         let passed_mm = t / self.path_per_range(state);
         state.range_mm += passed_mm;
@@ -255,61 +263,38 @@ impl Scene<'_> {
         })
     }
 
-    /// Advances a path to its next interface, testing only `candidates`: the triangles that it may cross.
+    /// Advances a path on its straight line to its next interface.
     #[inline(always)]
-    pub(super) fn go_straight(
-        &self,
-        state: &mut PathState,
-        candidates: &Candidates,
-        covered: &mut Covered,
-        coincident: &mut Coincident,
-    ) -> NextInterface {
+    pub(super) fn go_straight(&self, state: &mut PathState, line: &LineCrossings) -> NextInterface {
         loop {
             let left_mm = self.left_mm(state);
             if left_mm <= 0.0 {
                 return NextInterface::None;
             }
-            if state.has_reflected {
-                return NextInterface::Unknown;
-            }
-            let (range, highest, ray) = ([state.t_min, left_mm], Self::highest(state), [state.origin, state.direction]);
-            let Some(found) = candidates.nearest(&self.tree, ray, &mut state.along, range, highest, covered) else {
+            let found = if state.on_line { line.next(&state.progress, left_mm) } else { None };
+            let Some(here) = found else {
+                state.on_line = false;
                 return NextInterface::Unknown;
             };
-            let Some(found) = found else {
+            state.crossed += 1;
+            let Some(first) = here.first().filter(|_| state.crossed <= PLACES_MAX) else {
+                state.lost += here.len().min(1) as u32;
                 state.open = false;
                 return NextInterface::None;
             };
-            if let Some(change) = self.advance(state, found, covered, candidates, coincident) {
+            let t = first.t - state.progress.travelled_mm;
+            LineCrossings::pass(&mut state.progress, here);
+            let position = state.start + state.direction * first.t;
+            if let Some(change) = self.cross(state, here, t, position) {
                 return NextInterface::At(change);
             }
         }
     }
 
-    /// Collects the crossings of a path from `least` to `most` mm ahead; returns their number.
-    fn collect(
-        &self,
-        state: &mut PathState,
-        [least, most]: [f32; 2],
-        candidates: &Candidates,
-        Coincident { stack, crossings }: &mut Coincident,
-    ) -> usize {
-        let ray = [state.origin, state.direction];
-        if !state.has_reflected
-            && let Some(all) = candidates.collect(&self.tree, ray, &state.along, [least, most], crossings)
-        {
-            return all;
-        }
-        let ray = Ray::new(state.origin, state.direction);
-        let (all, missed) = collect(&self.tree, &ray, least, most, stack, crossings);
-        state.lost += missed;
-        all
-    }
-
-    /// Distance over which a path's candidates are collected, mm.
+    /// Distance up to which the crossings of a path's straight line are collected, mm.
     #[inline(always)]
-    pub(super) fn candidates_mm(&self, state: &PathState) -> f32 {
-        Candidates::length_mm(state.origin, shared::FAST_MEDIA as f32 * state.stretch * self.params.depth_mm)
+    pub(super) fn line_mm(&self, state: &PathState) -> f32 {
+        shared::FAST_MEDIA as f32 * state.stretch * self.params.depth_mm
     }
 
     /// State of a path on arrival at the interface `at`.
@@ -339,6 +324,7 @@ impl Scene<'_> {
             line_ray: state.line_ray,
             layer: state.layer,
             is_axial: state.is_axial,
+            follows_reflections: state.follows_reflections,
             bounce: state.bounce,
         }
     }
@@ -359,6 +345,11 @@ impl Scene<'_> {
         }
         if !state.has_reflected {
             state.ln_passed += departure.ln_passed;
+            if departure.reflected && !state.is_axial {
+                [state.in_phase, state.in_power] = Params::echo_weights(self.params.reflected_weight());
+                // Powers of scatterers add over the paths.
+                state.ln_share = 0.5 * ln(self.params.reflected_weight() / self.params.path_weight());
+            }
         }
         state.has_reflected |= departure.reflected;
         state.ln_amplitude += departure.ln_amplitude;
@@ -366,8 +357,10 @@ impl Scene<'_> {
         state.direction = Vec3::from(departure.direction);
         if departure.reflected {
             state.inside = at.before;
+            state.on_line = false;
             state.reflections += 1;
-            state.open = state.reflections <= self.params.reflections_max;
+            // Total reflection turns back every path; only those that follow reflections go on.
+            state.open = state.follows_reflections && state.reflections <= self.params.reflections_max;
         } else {
             state.here = at.there;
             let beyond = &self.tissues[at.there as usize];

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use super::candidates::{self, Candidates};
 use super::interface_batch::InterfaceBatch;
 use super::interface_response::depart;
+use super::line_crossings::{self, LineCrossings};
 use super::packet::{Packet, Visits};
 use super::path::{CROSSINGS_BEHIND, Coincident, MediumChange, NextInterface, Scene};
 use super::path_record::{LastSegment, PathRecord};
 use super::path_state::PathState;
-use super::search::{Covered, collect};
+use super::search::Covered;
 use super::stream::Stream;
 use super::traverse::{Crossing, Ray};
 use crate::host::lanes::{RAYS, bits};
@@ -24,7 +24,7 @@ pub(super) struct PathPacket {
     packet: Packet,
     visits: Visits,
     stream: Stream,
-    candidates: [Candidates; RAYS],
+    lines: [LineCrossings; RAYS],
     covered: [Covered; RAYS],
     /// Per ray: surface crossings from behind the face to the reach of the gel film in front.
     near: [[Crossing; CROSSINGS_BEHIND]; RAYS],
@@ -57,7 +57,7 @@ impl PathPacket {
             packet: Packet::new(),
             visits: Visits::new(),
             stream: Stream::new(),
-            candidates: [Candidates::new(); RAYS],
+            lines: [LineCrossings::new(); RAYS],
             covered: [Covered::new(); RAYS],
             near: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
             coincident: Coincident::new(),
@@ -80,24 +80,18 @@ impl PathPacket {
         for (lane, &(_, path)) in order.iter().enumerate() {
             self.lanes[path] = lane;
         }
-        let Self { records, states, packet, visits, candidates, near, forks, .. } = self;
+        let Self { records, states, packet, visits, lines, near, forks, .. } = self;
         packet.clear();
         let (mut near_mm, mut length_mm) = ([0.0; RAYS], [0.0_f32; RAYS]);
         for (lane, (state, &(_, path))) in states[..count].iter_mut().zip(&order).enumerate() {
             *state = scene.begin(paths.start + path);
-            (near_mm[lane], length_mm[lane]) = (scene.film_reach_mm(state), scene.candidates_mm(state));
+            (near_mm[lane], length_mm[lane]) = (scene.film_reach_mm(state), scene.line_mm(state));
             let farthest = length_mm[lane].max(near_mm[lane]);
             packet.set(lane, Ray::new(state.origin, state.direction), -scene.back_mm(), farthest);
         }
         let mut into = near.each_mut().map(|lane| &mut lane[..]);
-        let known = candidates::collect(&scene.tree, packet, visits, candidates, &length_mm, &mut into, &near_mm);
-        let (found, lost) = match known {
-            Some(found) => (found, 0),
-            None => {
-                packet.t_max = near_mm;
-                collect(&scene.tree, packet, visits, into)
-            }
-        };
+        let (found, lost) =
+            line_crossings::collect(&scene.tree, packet, visits, lines, &length_mm, &mut into, &near_mm);
         for (lane, (state, record)) in states[..count].iter_mut().zip(records.iter_mut()).enumerate() {
             scene.locate(state, &mut near[lane][..found[lane]], record);
         }
@@ -134,13 +128,13 @@ impl PathPacket {
         // each waits for memory.
         let mut waiting = 0_u32;
         loop {
-            let Self { states, stream, candidates, covered, coincident, batch, changes, .. } = self;
+            let Self { states, stream, lines, covered, coincident, batch, changes, .. } = self;
             batch.clear();
             for (lane, state) in states[..count].iter_mut().enumerate() {
                 if waiting >> lane & 1 != 0 {
                     continue;
                 }
-                match scene.go_straight(state, &candidates[lane], &mut covered[lane], coincident) {
+                match scene.go_straight(state, &lines[lane]) {
                     NextInterface::At(change) => {
                         changes[batch.len()] = (lane, change);
                         batch.push(&scene.arrival(state, &change));
@@ -166,8 +160,7 @@ impl PathPacket {
                         state.open = false;
                         continue;
                     };
-                    if let Some(change) = scene.advance(state, found, &mut covered[lane], &candidates[lane], coincident)
-                    {
+                    if let Some(change) = scene.advance(state, found, &mut covered[lane], coincident) {
                         changes[batch.len()] = (lane, change);
                         batch.push(&scene.arrival(state, &change));
                     }

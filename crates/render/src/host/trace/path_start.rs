@@ -4,6 +4,7 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::path::Scene;
 use super::path_state::PathState;
+use crate::params::Params;
 
 /// Ray and layer of a path.
 #[derive(Debug, Clone, Copy)]
@@ -56,16 +57,19 @@ impl Scene<'_> {
         let ray = if is_axial { path - before as usize } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
         // An axial path's echoes replace those that reflected paths miss.
-        let (in_phase, in_power) = if is_axial { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
+        let [in_phase, in_power] = if is_axial { [1.0; 2] } else { Params::echo_weights(p.path_weight()) };
         PathState {
             line_ray: line_ray as u32,
             // Axial paths are the same in all batches.
             layer: layer.unwrap_or(0) as u32,
             is_axial,
+            follows_reflections: is_axial || p.follows_reflections(line_ray as u32, layer.unwrap_or(0) as u32),
             stretch,
             face_depth_mm: self.rays[2 * ray][2],
             origin,
             direction,
+            start: origin,
+            on_line: true,
             in_phase,
             in_power,
             open: true,

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::candidates::Along;
+use super::line_crossings::Progress;
 use super::membership::Inside;
 
 /// Position of a path, and its propagated quantities.
@@ -13,14 +13,20 @@ pub(super) struct PathState {
     /// Whether this is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those
     /// that reflected paths miss.
     pub(super) is_axial: bool,
+    /// Whether the path follows reflections.
+    pub(super) follows_reflections: bool,
     /// Length of the path per mm of depth.
     pub(super) stretch: f32,
     /// Depth of the path's start below the apex of the face, mm; negative on a convex face.
     pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
-    /// Progress along the path's candidate triangles, up to its first reflection.
-    pub(super) along: Along,
+    /// Start of the path's straight line.
+    pub(super) start: Vec3,
+    /// Whether the path is on that line, and its next crossings are known. False from the first reflection on.
+    pub(super) on_line: bool,
+    /// Progress along the line's crossings.
+    pub(super) progress: Progress,
     pub(super) inside: Inside,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
     pub(super) in_phase: f32,
@@ -33,6 +39,9 @@ pub(super) struct PathState {
     /// ln of an amplitude factor of the scatterers alone. Their powers add over the paths, so the random choice of
     /// reflection makes half of an interface's loss in nepers; this is the other half.
     pub(super) ln_scatter: f32,
+    /// ln of an amplitude factor of the scatterers of a path that has reflected: it stands for the paths that follow no
+    /// reflections, too.
+    pub(super) ln_share: f32,
     /// ln of the two-way amplitude of a wave that passes every interface.
     pub(super) ln_passed: f32,
     /// Whether the path has reflected.

@@ -90,7 +90,7 @@ impl RaySearch {
             let node = &tree.nodes[self.child as usize];
             let mut near = [0.0; WIDTH];
             let last = self.found.reach_mm() + self.slack_mm;
-            let mut mask = boxes(node, &self.ray, self.t_min - self.slack_mm, last, 0.0, &mut near);
+            let mut mask = boxes(node, &self.ray, self.t_min - self.slack_mm, last, &mut near);
             let bottom = self.depth;
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;

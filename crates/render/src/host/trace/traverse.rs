@@ -101,26 +101,23 @@ pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bo
     hit.then_some((t, enters))
 }
 
-/// Bit mask of the children that the ray, or any ray within `aside_mm` of it, meets from `first` to `last`. `near`
-/// receives the entry distances, mm.
+/// Bit mask of the children that the ray meets from `first` to `last`. `near` receives the entry distances, mm.
 #[inline(always)]
-pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, aside_mm: f32, near: &mut [f32; WIDTH]) -> u32 {
+pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
     let [x, y, z] = ray.near;
     let side = |i: usize| &bounds[i];
     let (near_x, near_y, near_z) = (side(x), side(y), side(z));
     let (far_x, far_y, far_z) = (side(3 - x), side(5 - y), side(7 - z));
-    let aside = Vec3::splat(aside_mm).copysign(ray.reciprocal);
-    let (ahead, behind) = (ray.origin + aside, ray.origin - aside);
     let mut mask = 0;
     for i in 0..WIDTH {
         let from = max(
-            max((near_x[i] - ahead.x) * ray.reciprocal.x, (near_y[i] - ahead.y) * ray.reciprocal.y),
-            max((near_z[i] - ahead.z) * ray.reciprocal.z, first),
+            max((near_x[i] - ray.origin.x) * ray.reciprocal.x, (near_y[i] - ray.origin.y) * ray.reciprocal.y),
+            max((near_z[i] - ray.origin.z) * ray.reciprocal.z, first),
         );
         let to = min(
-            min((far_x[i] - behind.x) * ray.reciprocal.x, (far_y[i] - behind.y) * ray.reciprocal.y),
-            min((far_z[i] - behind.z) * ray.reciprocal.z, last),
+            min((far_x[i] - ray.origin.x) * ray.reciprocal.x, (far_y[i] - ray.origin.y) * ray.reciprocal.y),
+            min((far_z[i] - ray.origin.z) * ray.reciprocal.z, last),
         );
         near[i] = from;
         mask |= u32::from(from <= to + 1.0e-4) << i;
@@ -172,7 +169,7 @@ pub(crate) fn collect(
         let child = stack[depth].1;
         if child & LEAF == 0 {
             let node = &tree.nodes[child as usize];
-            let mut mask = boxes(node, ray, t_min - reach, t_max + reach, 0.0, &mut near);
+            let mut mask = boxes(node, ray, t_min - reach, t_max + reach, &mut near);
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
