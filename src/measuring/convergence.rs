@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::MeasuringError;
 use super::harness::Harness;
+use super::knobs::Knobs;
 use super::reference::Reference;
 use super::store::Store;
 use crate::files::read_grey;
@@ -212,10 +213,11 @@ fn rendered(
     Ok(pictures)
 }
 
-/// Configures a reference with every effect, so that omitting a relevant effect shows as an error.
+/// Configures a reference: every effect is on, so that omitting a relevant one shows as an error, and every path follows
+/// reflections.
 fn configure(harness: &mut Harness, (rays, layers): (u32, u32), seed: u32) -> Result<(), MeasuringError> {
     let knobs = harness.base().with(rays, layers).compounded(harness.reference_angles(), false);
-    harness.configure(&knobs.with_all_effects(), seed)
+    harness.configure(&Knobs { reflecting_percent: 100, ..knobs.with_all_effects() }, seed)
 }
 
 fn path(store: &Store, name: &str, index: usize) -> std::path::PathBuf {

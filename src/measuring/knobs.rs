@@ -15,6 +15,8 @@ pub struct Knobs {
     pub layers: u32,
     /// Maximum number of reflections along a path.
     pub reflections_max: u32,
+    /// Share of a scanline's paths that follow reflections, percent.
+    pub reflecting_percent: u32,
     /// Number of scanlines.
     pub scanlines: u32,
     /// Samples per scanline.
@@ -41,8 +43,9 @@ impl Knobs {
             rays: settings.quality.rays,
             layers: settings.quality.layers,
             reflections_max: settings.reflections_max,
+            reflecting_percent: (100.0 * settings.reflecting_share).round() as u32,
             scanlines: probe.scanlines,
-            samples: probe.samples,
+            samples: probe.sample_count(),
             beam_taps_max: settings.beam_taps_max,
             pulse_taps_max: settings.pulse_taps_max,
             angles: settings.look.odd_angles(),
@@ -74,7 +77,7 @@ impl Knobs {
 
     /// Applies these knobs and `seed` to `probe` and `settings`.
     pub fn apply(&self, probe: &Probe, settings: &RenderSettings, seed: u32) -> (Probe, RenderSettings) {
-        let probe = Probe { scanlines: self.scanlines, samples: self.samples, ..*probe };
+        let probe = Probe { scanlines: self.scanlines, samples: self.samples.into(), ..*probe };
         let mut effects = if self.all_effects { EffectChoices::ALL_ON } else { settings.effects };
         if !self.aperture {
             effects = effects.with(Effect::Aperture, Choice::Off);
@@ -82,6 +85,7 @@ impl Knobs {
         let settings = RenderSettings {
             quality: Quality { rays: self.rays, layers: self.layers, seed },
             reflections_max: self.reflections_max,
+            reflecting_share: f64::from(self.reflecting_percent) / 100.0,
             beam_taps_max: self.beam_taps_max,
             pulse_taps_max: self.pulse_taps_max,
             look: LookSettings { angles: self.angles, ..settings.look },
@@ -92,11 +96,12 @@ impl Knobs {
     }
 
     /// Names and values of the knobs, in the order of the tables' columns.
-    pub fn values(&self) -> [(&'static str, u32); 11] {
+    pub fn values(&self) -> [(&'static str, u32); 12] {
         [
             ("rays", self.rays),
             ("layers", self.layers),
             ("reflections_max", self.reflections_max),
+            ("reflecting_percent", self.reflecting_percent),
             ("scanlines", self.scanlines),
             ("samples", self.samples),
             ("beam_taps_max", self.beam_taps_max),
@@ -119,6 +124,7 @@ mod tests {
             rays: 3,
             layers: 5,
             reflections_max: 1,
+            reflecting_percent: 40,
             scanlines: 17,
             samples: 99,
             beam_taps_max: 9,
@@ -132,7 +138,7 @@ mod tests {
         assert_eq!((Knobs::of(&probe, &settings), settings.quality.seed), (knobs, 7));
         let mut values = knobs.values().map(|(_, value)| value);
         values.sort_unstable();
-        assert_eq!(values, [0, 1, 1, 1, 3, 5, 9, 11, 13, 17, 99]);
+        assert_eq!(values, [0, 1, 1, 1, 3, 5, 9, 11, 13, 17, 40, 99]);
         let planned = Knobs { all_effects: false, ..knobs };
         let (_, settings) = planned.apply(&Probe::default(), &RenderSettings::default(), 7);
         assert_eq!(settings.effects, EffectChoices::default());

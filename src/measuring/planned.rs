@@ -13,6 +13,8 @@ const ANGLES: [u32; 2] = [3, 9];
 const STILLS: [(u32, u32); 4] = [(1, 1), (1, 3), (8, 3), (32, 3)];
 /// Rays and layers also measured as live, compounded pictures of a moving probe.
 const ROLLING: [(u32, u32); 6] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3)];
+/// Shares of paths that follow reflections, percent, measured at high quality: with few paths, all of them do.
+const REFLECTING: [u32; 4] = [25, 50, 75, 100];
 /// Rays and layers also measured without the effect `aperture`.
 const LEAN: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
 
@@ -41,6 +43,7 @@ type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 /// - some of its points compounded, if `compounds`: the probe can steer,
 /// - these also compounded while the probe moves, if `moves`,
 /// - some points with every effect, and some without the effect `aperture`,
+/// - other shares of paths that follow reflections, at 32 rays × 3 layers,
 /// - each other knob alone, at 8 rays × 3 layers.
 ///
 /// The station's own numbers of samples, scanlines and taps are the maxima.
@@ -92,6 +95,10 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
     // A station that simulates every effect already has these points.
     for all in ALL_EFFECTS.into_iter().filter(|_| !base.all_effects) {
         variant("all effects", all, "all effects".to_owned(), base.with(all.0, all.1).with_all_effects());
+    }
+    for percent in REFLECTING.into_iter().filter(|&percent| percent != base.reflecting_percent) {
+        let knobs = Knobs { reflecting_percent: percent, ..base.with(32, 3) };
+        variant("reflecting_percent", (32, 3), format!("reflecting_percent {percent}"), knobs);
     }
     let middle = base.with(MIDDLE.0, MIDDLE.1);
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
@@ -156,7 +163,7 @@ mod tests {
     #[test]
     fn the_least_stations_have_points_that_can_be_rendered_each_once() {
         for (scanlines, samples) in [(1, 1), (2, 3), (3, 2), (4, 7)] {
-            let probe = Probe { scanlines, samples, ..Probe::default() };
+            let probe = Probe { scanlines, samples: samples.into(), ..Probe::default() };
             let points = planned_points(Knobs::of(&probe, &RenderSettings::default()), true, true, false);
             for (i, point) in points.iter().enumerate() {
                 assert!(point.knobs.scanlines >= 1 && point.knobs.samples >= 1);

@@ -90,6 +90,20 @@ fn interface_of(first: u32, end: u32) -> u32 {
     return chosen;
 }
 
+// Amplitude weight of a path's echoes that add in power with those of other paths, for its `part` of the beam.
+fn echo_power_weight(part: f32) -> f32 {
+    return sqrt(part * min(1.0, CELLS_OF_A_BEAM * part));
+}
+
+// Whether a path follows reflections. Those that do are spread evenly over a scanline's rays and layers. The golden
+// ratio shifts them from scanline to scanline.
+fn follows_reflections(line_ray: u32, layer: u32) -> bool {
+    let paths = params.rays * params.layers;
+    let in_line = layer * params.rays + line_ray % params.rays;
+    let shift = ((((line_ray / params.rays + params.seed) * KRONECKER[0]) >> 16u) * paths) >> 16u;
+    return (in_line * params.reflecting_paths + shift) % paths < params.reflecting_paths;
+}
+
 fn trace_path(path: u32) {
     let of_layer = params.line_count * params.rays;
     if path >= of_layer * params.layer_count + params.axial_paths {
@@ -101,8 +115,10 @@ fn trace_path(path: u32) {
     let layer = select(params.layer_first + path / of_layer, 0u, is_axial);
     // Over rays and layers, echoes in phase add in amplitude, others in power. An axial path has full weight, since its
     // echoes replace those that reflected paths miss.
-    let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, is_axial);
-    let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
+    let path_weight = 1.0 / f32(params.rays * params.layers);
+    var weight_in_phase = select(path_weight, 1.0, is_axial);
+    var weight_power = echo_power_weight(weight_in_phase);
+    let follows = is_axial || follows_reflections(line_ray, layer);
     // The range of a straight path is its depth: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = elevation_of(path).z;
 
@@ -122,6 +138,8 @@ fn trace_path(path: u32) {
     // ln of a factor for scatterers alone. Their powers add over the paths, so the random choice of reflection makes
     // half of an interface's loss in nepers; this is the other half.
     var ln_scatter = 0.0;
+    // ln of another such factor, of a path that has reflected.
+    var ln_share = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
     var has_reflected = false;
@@ -170,7 +188,7 @@ fn trace_path(path: u32) {
             starts[path * STARTS + count] = range_mm;
             segments[at] = Segment(
                 origin - carried_mm - step * range_mm,
-                ln_amplitude + ln_scatter + fall * range_mm,
+                ln_amplitude + ln_scatter + ln_share + fall * range_mm,
                 step,
                 fall,
                 tissue.scatterer_mean,
@@ -300,18 +318,26 @@ fn trace_path(path: u32) {
         // Reflects with probability R, else transmits. Reflections that hardly return are not followed. An axial path
         // takes the likelier way, so that positions of scatterers don't depend on chance.
         let accepted = acceptance(roughness * roughness, range_mm);
-        let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
+        let follow = REFLECTIONS && follows && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
         // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees beyond it.
         let reflects = REFLECTIONS && !(APERTURE && is_axial) && (split.energy_reflection >= 1.0
             || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, is_axial) < split.energy_reflection));
         let ln_through = log(max(1.0 - split.energy_reflection, 1.0e-30));
         ln_passed += select(ln_through, 0.0, has_reflected);
+        if reflects && !has_reflected && !is_axial && params.reflecting_paths < params.rays * params.layers {
+            // From now on the path stands for those that follow no reflections, too. Powers of scatterers add over the
+            // paths.
+            weight_in_phase = 1.0 / f32(params.reflecting_paths);
+            weight_power = echo_power_weight(weight_in_phase);
+            ln_share = 0.5 * log(weight_in_phase / path_weight);
+        }
         has_reflected = has_reflected || reflects;
         if reflects {
             inside = before;
             on_line = false;
             reflections++;
-            open = reflections <= params.reflections_max;
+            // Total reflection turns back every path; only those that follow reflections go on.
+            open = follows && reflections <= params.reflections_max;
             // A rough surface spreads part of the beam beyond the aperture, when sent and when received.
             ln_amplitude += log(accepted);
             ln_scatter += 0.5 * log(max(split.energy_reflection, 1.0e-30));

@@ -8,7 +8,9 @@ use insonify_core::settings::{Effect, EffectSet, ImageUniforms, RenderSettings};
 use insonify_core::simd::{at_least, phasor};
 use insonify_core::transducer::{Probe, ProbeKind};
 
-use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, PROJECTION_MIN, ROW_ALIGN, SHEET_FAMILIES};
+use super::constants::{
+    CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, KRONECKER, PROJECTION_MIN, ROW_ALIGN, SHEET_FAMILIES,
+};
 use super::receiver::{HARMONIC_CLUTTER_DB, white_amplitude};
 use super::sheet_cells::SheetCells;
 use super::sheets::Family;
@@ -132,7 +134,9 @@ pub(crate) struct Params {
     pub(crate) steer_shift_mm: f32,
     /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     pub(crate) line_turns: f32,
-    pub(crate) padding: [u32; 2],
+    /// Number of paths of each scanline that follow reflections: all of them, or fewer.
+    pub(crate) reflecting_paths: u32,
+    pub(crate) padding: u32,
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of the section `[image]`.
     pub(crate) image: ImageUniforms,
@@ -173,7 +177,7 @@ impl Params {
             elevational: [0.0; 4],
             axial: [0.0; 4],
             scanlines: probe.scanlines,
-            samples: probe.samples,
+            samples: probe.sample_count(),
             rays: settings.quality.rays,
             layer_first: 0,
             layer_count: settings.quality.layers,
@@ -192,8 +196,8 @@ impl Params {
             tgc_db_per_mm: (image.tgc_db_per_cm / 10.0) as f32,
             face_radius_mm: probe.face_radius_mm().map_or(-1.0, |r| r as f32),
             background: outside.background,
-            row_samples: probe.samples.div_ceil(ROW_ALIGN) * ROW_ALIGN,
-            hint_words: probe.samples.div_ceil(4 * HINT_BLOCK) + 1,
+            row_samples: probe.sample_count().div_ceil(ROW_ALIGN) * ROW_ALIGN,
+            hint_words: probe.sample_count().div_ceil(4 * HINT_BLOCK) + 1,
             map_depths: tables.map_depths,
             map_step_mm: tables.map_step_mm as f32,
             sector_words: tables.sector_words.len() as u32,
@@ -213,7 +217,8 @@ impl Params {
             angle_words: 0,
             steer_shift_mm: 0.0,
             line_turns: line_turns(probe),
-            padding: [0; 2],
+            reflecting_paths: settings.reflecting_paths(),
+            padding: 0,
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
@@ -274,10 +279,24 @@ impl Params {
         1.0 / (self.rays * self.layers) as f32
     }
 
-    /// Amplitude weight of a path whose echoes add in power to other paths' echoes.
-    pub(crate) fn power_weight(&self) -> f32 {
-        let weight = self.path_weight();
-        (weight * (CELLS_OF_A_BEAM as f32 * weight).min(1.0)).sqrt()
+    /// Amplitude weights of a path's echoes for its `part` of the beam: of those that add in phase with the echoes of
+    /// other paths, and of those that add in power.
+    pub(crate) fn echo_weights(part: f32) -> [f32; 2] {
+        [part, (part * (CELLS_OF_A_BEAM as f32 * part).min(1.0)).sqrt()]
+    }
+
+    /// Fraction of the beam that a path stands for once it has reflected.
+    pub(crate) fn reflected_weight(&self) -> f32 {
+        1.0 / self.reflecting_paths as f32
+    }
+
+    /// Whether a path follows reflections. Those that do are spread evenly over a scanline's rays and layers. The
+    /// golden ratio shifts them from scanline to scanline.
+    pub(crate) fn follows_reflections(&self, line_ray: u32, layer: u32) -> bool {
+        let paths = self.rays * self.layers;
+        let (line, in_line) = (line_ray / self.rays, layer * self.rays + line_ray % self.rays);
+        let shift = (line.wrapping_add(self.seed).wrapping_mul(KRONECKER[0]) >> 16) * paths >> 16;
+        (in_line * self.reflecting_paths + shift) % paths < self.reflecting_paths
     }
 
     /// Number of paths of this batch that carry echoes.

@@ -6,6 +6,7 @@ use insonify::acoustics::attenuation::attenuation_db_mm;
 use insonify::acoustics::interface::interface;
 use insonify::anatomy::{Tissue, analytic};
 use insonify::pose::Pose;
+use insonify::render::RenderSettings;
 
 use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
 
@@ -121,22 +122,28 @@ fn strong_interfaces_transmit_and_reflect_their_shares_of_many_paths() {
         let tissue = bench.tissue(silent(3000.0, z));
         bench.add(tissue, 1, slab(PITCH * i as f64, 25.0, 20.0, 40.0));
     }
-    let mut rig = Rig::new(&bench.scene().unwrap(), &linear(32, 0.5, 1024, 50.0), &small(128, 1));
-    for (i, z) in plates.into_iter().enumerate() {
-        let frame = rig.frame(&pose(i));
-        // Range of the front, of the back, and of one more round trip through the plate.
-        let (to_front, through) = (20.0 * 1540.0 / 1480.0, 20.0 * 1540.0 / 3000.0);
-        let reflected = energy(water, z);
-        let once = 1.0 - reflected;
-        let r = reflected.sqrt();
-        for (n, (want, sign)) in [(r, 1.0), (once * r, -1.0), (once * reflected * r, -1.0)].into_iter().enumerate() {
-            let range = to_front + n as f64 * through;
-            let sample = (range / rig.probe.sample_spacing_mm()) as usize;
-            let turn = rig.probe.phase_turns_per_mm() * range * std::f64::consts::TAU;
-            let in_phase = |s: [f32; 2]| f64::from(s[0]) * turn.cos() - f64::from(s[1]) * turn.sin();
-            let mean = (0..32).map(|l| in_phase(rig.line(&frame, l)[sample])).sum::<f64>() / 32.0;
-            let part = if n < 2 { 0.01 } else { 0.03 };
-            assert_part(sign * mean, want, part, &format!("plate of {z} MRayl, echo {n}"));
+    let scene = bench.scene().unwrap();
+    // All paths follow reflections, then half of them, with more noise.
+    for (share, noise) in [(1.0, 0.03), (0.5, 0.08)] {
+        let settings = RenderSettings { reflecting_share: share, ..small(128, 1) };
+        let mut rig = Rig::new(&scene, &linear(32, 0.5, 1024, 50.0), &settings);
+        for (i, z) in plates.into_iter().enumerate() {
+            let frame = rig.frame(&pose(i));
+            // Range of the front, of the back, and of one more round trip through the plate.
+            let (to_front, through) = (20.0 * 1540.0 / 1480.0, 20.0 * 1540.0 / 3000.0);
+            let reflected = energy(water, z);
+            let once = 1.0 - reflected;
+            let r = reflected.sqrt();
+            for (n, (want, sign)) in [(r, 1.0), (once * r, -1.0), (once * reflected * r, -1.0)].into_iter().enumerate()
+            {
+                let range = to_front + n as f64 * through;
+                let sample = (range / rig.probe.sample_spacing_mm()) as usize;
+                let turn = rig.probe.phase_turns_per_mm() * range * std::f64::consts::TAU;
+                let in_phase = |s: [f32; 2]| f64::from(s[0]) * turn.cos() - f64::from(s[1]) * turn.sin();
+                let mean = (0..32).map(|l| in_phase(rig.line(&frame, l)[sample])).sum::<f64>() / 32.0;
+                let part = if n < 2 { 0.01 } else { noise };
+                assert_part(sign * mean, want, part, &format!("plate of {z} MRayl, echo {n}, share {share}"));
+            }
         }
     }
 }

@@ -68,6 +68,35 @@ fn reverberation_between_plates_repeats_at_their_distance() {
 }
 
 #[test]
+fn with_fewer_paths_that_follow_reflections_the_mean_is_the_same() {
+    // Half a mirror in uniform tissue: what lies behind it has no scatterers, so it shows mirrored tissue alone.
+    let level_db = |share: f64, aperture: Choice| {
+        let mut bench = Bench::new(grainy(0.0, 0.01));
+        let metal = bench.tissue(silent(1540.0, 9.0));
+        bench.add(metal, 1, slab(0.0, 60.0, 30.0, 200.0));
+        let scene = bench.scene().unwrap();
+        let mut settings = small(96, 1);
+        settings.reflecting_share = share;
+        settings.effects = settings.effects.with(Effect::Aperture, aperture);
+        let power = (0..4).map(|seed| {
+            settings.quality.seed = seed;
+            let mut rig = Rig::new(&scene, &linear(128, 0.2, 1024, 60.0), &settings);
+            let frame = rig.frame(&at(0.0, 0.0, 0.0));
+            let sample = |mm: f64| (mm / rig.probe.sample_spacing_mm()) as usize;
+            let of_line =
+                |line| mean_square(rig.line(&frame, line)[sample(33.0)..sample(57.0)].iter().map(|&s| magnitude(s)));
+            (32..96).map(of_line).sum::<f64>()
+        });
+        10.0 * power.sum::<f64>().log10()
+    };
+    for aperture in [Choice::Off, Choice::On] {
+        let (all, few) = (level_db(1.0, aperture), level_db(0.25, aperture));
+        println!("{aperture:?}: all {all:.2} dB, a quarter {few:.2} dB");
+        assert!((few - all).abs() < 0.4, "{aperture:?}: all {all:.2} dB, a quarter {few:.2} dB");
+    }
+}
+
+#[test]
 fn nothing_is_transmitted_beyond_the_critical_angle() {
     // Water to bone: total from 21.27°. A plate is behind it, at either angle.
     let mut bench = Bench::new(silent(1480.0, 1.48));

@@ -255,6 +255,28 @@ fn a_damaged_pass_is_caught() {
 }
 
 #[test]
+fn some_of_many_paths_follow_reflections_as_in_the_twin() {
+    let mut case = nested();
+    (case.settings.quality.rays, case.settings.quality.layers, case.settings.reflecting_share) = (16, 3, 0.5);
+    assert_eq!(case.settings.reflecting_paths(), 24);
+    for mut renderer in [case.renderer(&ShaderSet::default()), case.host_renderer()] {
+        let snapshot = renderer.snapshot(&case.pose).unwrap();
+        let wrong: Vec<_> = PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).collect();
+        assert!(wrong.is_empty(), "{wrong:#?}");
+    }
+    let damages = [
+        ("a reflected path stands for itself alone", "ln_share = 0.5 * log", "ln_share = 0.0 * log"),
+        ("all paths follow reflections", "% paths < params.reflecting_paths;", "% paths < paths;"),
+    ];
+    for (what, from, to) in damages {
+        let mut shaders = ShaderSet::default();
+        assert!(shaders.replace("trace", from, to), "no `{from}` to damage");
+        let snapshot = case.renderer(&shaders).snapshot(&case.pose).unwrap();
+        assert!(compare("trace", &snapshot).is_err(), "not caught: {what}");
+    }
+}
+
+#[test]
 fn software_makes_the_same_by_echo_and_section_of_a_gpu() {
     for case in [cases().swap_remove(0), nested(), lifted()] {
         let rendered = RENDERED.iter().find(|r| r.name == case.name).unwrap();

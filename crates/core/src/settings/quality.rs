@@ -7,6 +7,10 @@ use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, Receive
 
 /// Largest value of `quality.reflections_max`.
 pub(crate) const REFLECTIONS_MAX: u32 = 6;
+/// Default of `quality.reflecting_share`: see `docs/notes/reflections.md`.
+const REFLECTING_SHARE: f64 = 0.5;
+/// Number of paths of a scanline that follow reflections at any `quality.reflecting_share`, if it has as many.
+const REFLECTING_PATHS_MIN: f64 = 24.0;
 /// Largest number of taps of the lateral kernel (the beam across scanlines) in its convolution pass; odd.
 pub const BEAM_TAPS_MAX: u32 = 129;
 /// Largest number of taps of the pulse in its convolution pass; odd.
@@ -50,6 +54,9 @@ settings! {
         /// Largest number of reflections of a path; 0: no mirror images or reverberation.
         reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
 
+        /// Fraction of a scanline's paths that follow reflections; each stands for others, too; at least 24 paths do.
+        reflecting_share: f64 = REFLECTING_SHARE, "", 0.0..=1.0, Nothing;
+
         /// Largest number of taps of the lateral beam, rounded down to odd; a wider beam is cut, with narrower speckle.
         beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
 
@@ -83,6 +90,15 @@ settings! {
         /// Choices for effects, which override the plan.
         #[serde(skip)]
         effects: EffectChoices = EffectChoices::default(), Everything;
+    }
+}
+
+impl RenderSettings {
+    /// Number of paths of a scanline that follow reflections.
+    pub fn reflecting_paths(&self) -> u32 {
+        let paths = self.quality.rays * self.quality.layers;
+        let wanted = (self.reflecting_share * f64::from(paths)).ceil().max(REFLECTING_PATHS_MIN);
+        paths.min(wanted as u32)
     }
 }
 

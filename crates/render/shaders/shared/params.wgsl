@@ -84,6 +84,8 @@ struct Params {
     steer_shift_mm: f32,
     // Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     line_turns: f32,
+    // Number of paths of each scanline that follow reflections: all of them, or fewer.
+    reflecting_paths: u32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of the section [image]. Generated functions read them: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

@@ -7,7 +7,7 @@ use insonify_core::settings::{Effect, EffectSet, ImageUniforms};
 use super::aperture::Aperture;
 use super::medium::Medium;
 use super::motion::Motion;
-use crate::constants::{DEPTH_BLOCK, MOVES, PROJECTION_MIN, PULSE_PAD, TISSUE_MASK};
+use crate::constants::{DEPTH_BLOCK, KRONECKER, MOVES, PROJECTION_MIN, PULSE_PAD, TISSUE_MASK};
 use crate::params::Params;
 use crate::tables::{Tables, unpack_place};
 use crate::texture::PackedTexture;
@@ -93,6 +93,8 @@ pub struct Inputs {
     pub rays_per_line: usize,
     /// Greatest number of reflections of a path.
     pub reflections_max: u32,
+    /// Number of paths of each scanline that follow reflections.
+    pub reflecting_paths: usize,
     /// Seed of every random choice.
     pub seed: u32,
     /// Whether interfaces echo.
@@ -253,6 +255,7 @@ impl Inputs {
             phase_turns_per_mm: params.phase_turns_per_mm.into(),
             rays_per_line: params.rays as usize,
             reflections_max: params.reflections_max,
+            reflecting_paths: params.reflecting_paths as usize,
             seed: params.seed,
             interface_echoes: effects.has(Effect::InterfaceEchoes),
             reflections: effects.has(Effect::Reflections),
@@ -329,6 +332,26 @@ impl Inputs {
     /// Fraction of the beam's energy in each path that carries echoes.
     pub fn path_weight(&self) -> f64 {
         1.0 / (self.rays_per_line * self.layers) as f64
+    }
+
+    /// Fraction of the beam's energy in a path that has reflected: it stands for the paths that follow no reflections.
+    pub fn reflected_weight(&self) -> f64 {
+        1.0 / self.reflecting_paths as f64
+    }
+
+    /// Whether a path follows reflections. All axial paths do. Of the others, those that do are spread evenly over a
+    /// scanline's rays and layers, from an offset that the golden ratio shifts from scanline to scanline.
+    pub fn follows_reflections(&self, path: usize) -> bool {
+        if path >= self.sounding() {
+            return true;
+        }
+        let (layer, line_ray) = (path / self.rays.len(), path % self.rays.len());
+        let (line, ray) = (line_ray / self.rays_per_line, line_ray % self.rays_per_line);
+        let paths = self.rays_per_line * self.layers;
+        let golden = (line as u32).wrapping_add(self.seed).wrapping_mul(KRONECKER[0]);
+        let shift = (f64::from(golden >> 16) / 65536.0 * paths as f64) as usize;
+        // The n-th of N = reflecting_paths begins where (index · N + shift) passes a multiple of the number of paths.
+        ((layer * self.rays_per_line + ray) * self.reflecting_paths + shift) % paths < self.reflecting_paths
     }
 
     /// Elevational position of a path. An axial path is in the scan plane.

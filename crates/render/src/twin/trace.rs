@@ -34,6 +34,8 @@ struct Tracer<'a> {
     /// Whether this is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those
     /// that reflected paths miss.
     is_axial: bool,
+    /// Whether it follows reflections. If only some paths of a scanline do, each of these stands for several.
+    follows_reflections: bool,
     inside: Membership,
     /// Whether the path goes on beyond the film of gel: its start is coupled, or the aperture's other parts may reach
     /// the tissue below.
@@ -72,6 +74,7 @@ impl<'a> Tracer<'a> {
             layer: if path >= inputs.sounding() { 0 } else { path / inputs.rays.len() },
             stretch: inputs.elevation_of(path).stretch,
             is_axial: path >= inputs.sounding(),
+            follows_reflections: inputs.follows_reflections(path),
             inside,
             goes_on: coupling > 0.0 || inputs.aperture.is_some(),
             ray: inputs.launch(path),
@@ -119,7 +122,8 @@ impl<'a> Tracer<'a> {
             // If the reflection is not followed, the path continues with the transmitted energy: a rough surface
             // scatters and never forms a mirror image.
             let may_reflect = self.inputs.reflections;
-            let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
+            let follow =
+                may_reflect && self.follows_reflections && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
             // An axial path takes the likelier way, so scatterer positions don't depend on chance.
             let chance = if self.is_axial { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
@@ -160,7 +164,9 @@ impl<'a> Tracer<'a> {
                 }
             }
             let given_up = self.ln_amplitude <= LN_GIVEN_UP && !self.by_aperture();
-            if reflections > self.inputs.reflections_max || given_up {
+            // Total reflection turns back every path; only those that follow reflections go on.
+            let not_followed = reflects && !self.follows_reflections;
+            if reflections > self.inputs.reflections_max || given_up || not_followed {
                 self.ln_amplitude = 2.0 * LN_SILENT;
                 open = false;
             }
@@ -196,11 +202,15 @@ impl<'a> Tracer<'a> {
         let step = self.ray.direction * self.path_per_range(tissue);
         // The loss of a fast body is spread over the range that it has for the aperture.
         let fall_np_mm = tissue.attenuation_np_mm * self.aperture_path_per_range(tissue);
+        // A path that has reflected stands for those that follow no reflections, too. Powers of scatterers add over the
+        // paths.
+        let share = self.inputs.reflected_weight() / self.inputs.path_weight();
+        let ln_share = if self.has_reflected && !self.is_axial { 0.5 * share.ln() } else { 0.0 };
         Segment {
             start_mm: self.range_mm,
             origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm,
             step,
-            ln_amplitude_at_zero: self.ln_amplitude + self.ln_scatter + fall_np_mm * self.range_mm,
+            ln_amplitude_at_zero: self.ln_amplitude + self.ln_scatter + ln_share + fall_np_mm * self.range_mm,
             fall_np_mm,
             scatterer_mean: tissue.scatterer_mean,
             scatterer_deviation: tissue.scatterer_deviation,
@@ -285,7 +295,8 @@ impl<'a> Tracer<'a> {
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
-        let of_path = self.inputs.path_weight();
+        let inputs = self.inputs;
+        let of_path = if self.has_reflected { inputs.reflected_weight() } else { inputs.path_weight() };
         // An axial path's echoes replace those that reflected paths miss.
         let in_phase = if self.is_axial { 1.0 } else { of_path };
         let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
