@@ -110,7 +110,7 @@ mod tests {
         points[1].time.passes.clear();
         let csv = csv(&points);
         let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-        assert_eq!(columns, [33; 3], "{csv}");
+        assert_eq!(columns, [34; 3], "{csv}");
         assert!(csv.contains("trace_ms") && csv.contains("\n1x1,rays x layers,,1,1,"), "{csv}");
     }
 

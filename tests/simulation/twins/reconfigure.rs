@@ -103,8 +103,8 @@ pub(crate) fn changed(setting: &Setting) -> Case {
     let other = match setting.kind {
         // A limit shows only where it cuts.
         Kind::Whole if setting.key.ends_with("_max") => setting.min,
-        Kind::Whole if value + 2.0 <= setting.max => value + 2.0,
-        Kind::Whole => value - 2.0,
+        Kind::Whole | Kind::WholeOrAuto if value + 2.0 <= setting.max => value + 2.0,
+        Kind::Whole | Kind::WholeOrAuto => value - 2.0,
         Kind::Word(_) => setting.min,
         Kind::Switch => 1.0 - value,
         _ if value == 0.0 => 5.0,
