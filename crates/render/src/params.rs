@@ -295,7 +295,7 @@ impl Params {
     pub(crate) fn follows_reflections(&self, line_ray: u32, layer: u32) -> bool {
         let paths = self.rays * self.layers;
         let (line, in_line) = (line_ray / self.rays, layer * self.rays + line_ray % self.rays);
-        let shift = (line.wrapping_add(self.seed).wrapping_mul(KRONECKER[0]) >> 16) * paths >> 16;
+        let shift = ((line.wrapping_add(self.seed).wrapping_mul(KRONECKER[0]) >> 16) * paths) >> 16;
         (in_line * self.reflecting_paths + shift) % paths < self.reflecting_paths
     }
 
