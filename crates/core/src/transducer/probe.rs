@@ -155,3 +155,31 @@ impl Probe {
         2.0 / acoustics::wavelength_mm(self.returning_mhz())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::SettingsGroup as _;
+
+    #[test]
+    fn automatic_samples_are_a_pulse_apart_at_every_frequency_and_depth() {
+        assert_eq!(Probe::default().sample_count(), 2512);
+        for frequency_mhz in [1.0, 2.5, 8.0, 18.0] {
+            for depth_mm in [20.0, 60.0, 150.0, 240.0] {
+                for harmonics in [false, true] {
+                    let probe = Probe { frequency_mhz, depth_mm, harmonics, ..Probe::default() };
+                    let samples = probe.sample_count();
+                    assert!(samples / BLOCK_SAMPLES % 2 == 1 && samples.is_multiple_of(BLOCK_SAMPLES), "{samples}");
+                    let (spacing_mm, sigma_mm) = (probe.sample_spacing_mm(), probe.axial_sigma_mm());
+                    let capped = samples == BLOCK_SAMPLES * BLOCKS_MAX;
+                    assert!(spacing_mm <= SIGMAS_PER_SAMPLE * sigma_mm || capped, "{probe:?}: {spacing_mm} mm");
+                    // No more than two blocks are spare.
+                    assert!(samples <= probe.samples_needed() + 2 * BLOCK_SAMPLES, "{probe:?}: {samples}");
+                }
+            }
+        }
+        let most = Probe { frequency_mhz: 40.0, depth_mm: 500.0, ..Probe::default() };
+        assert!(most.validate().is_ok() && most.sample_count() == 8176 && most.samples_needed() > 8176);
+        assert_eq!(Probe { samples: Samples::Number(333), ..most }.sample_count(), 333);
+    }
+}
