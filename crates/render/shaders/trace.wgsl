@@ -95,8 +95,8 @@ fn echo_power_weight(part: f32) -> f32 {
     return sqrt(part * min(1.0, CELLS_OF_A_BEAM * part));
 }
 
-// Whether a path follows reflections. Those that do are spread evenly over a scanline's rays and layers. The golden
-// ratio shifts them from scanline to scanline.
+// Whether a path follows reflections. The paths that follow reflections are spread evenly over the rays and layers of a
+// scanline. From scanline to scanline, they shift by the golden ratio.
 fn follows_reflections(line_ray: u32, layer: u32) -> bool {
     let paths = params.rays * params.layers;
     let in_line = layer * params.rays + line_ray % params.rays;
@@ -138,7 +138,8 @@ fn trace_path(path: u32) {
     // ln of a factor for scatterers alone. Their powers add over the paths, so the random choice of reflection makes
     // half of an interface's loss in nepers; this is the other half.
     var ln_scatter = 0.0;
-    // ln of another such factor, of a path that has reflected.
+    // ln of a second factor for scatterers alone: a path that has reflected also stands for the paths that follow no
+    // reflections.
     var ln_share = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;

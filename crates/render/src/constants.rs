@@ -3,10 +3,12 @@
 
 pub(crate) use insonify_core::acoustics::HARD_SPEED;
 use insonify_core::anatomy::{bvh, motion};
+pub(crate) use insonify_core::settings::SAMPLES_MAX;
 use insonify_core::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
+use insonify_core::transducer::BLOCK_SAMPLES;
 
 /// Samples of a block, which share one lateral kernel, one scatterer gain and one aperture gain.
-pub(crate) const DEPTH_BLOCK: u32 = 16;
+pub(crate) const DEPTH_BLOCK: u32 = BLOCK_SAMPLES;
 /// Most straight segments of a path.
 pub(crate) const SEGMENTS: u32 = 40;
 /// Most stretches of one medium along a map ray.
@@ -16,9 +18,8 @@ pub(crate) const ENTRIES: u32 = 96;
 pub(crate) const STARTS: u32 = SEGMENTS + 4;
 /// Samples of a block whose first segment is stored as a hint.
 pub(crate) const HINT_BLOCK: u32 = 64;
-/// Largest numbers of tissues, samples and pulse taps, which size the uniform tables.
+/// Largest number of tissues. With those of samples and pulse taps, it sizes the uniform tables.
 pub(crate) const TISSUES_MAX: u32 = 255;
-pub(crate) const SAMPLES_MAX: u32 = 8192;
 pub(crate) const BLOCK_QUADS: u32 = SAMPLES_MAX / DEPTH_BLOCK / 4;
 pub(crate) const PULSE_QUADS: u32 = (2 * AXIAL_HALF_MAX + 1 + 2 * PULSE_PAD).div_ceil(4);
 /// Samples per row are padded to a multiple of this.

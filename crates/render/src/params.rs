@@ -279,8 +279,8 @@ impl Params {
         1.0 / (self.rays * self.layers) as f32
     }
 
-    /// Amplitude weights of a path's echoes for its `part` of the beam: of those that add in phase with the echoes of
-    /// other paths, and of those that add in power.
+    /// Two amplitude weights of an echo, for a path that carries the fraction `part` of the beam. The first weight is for
+    /// echoes that add in phase over the paths, the second for echoes that add in power.
     pub(crate) fn echo_weights(part: f32) -> [f32; 2] {
         [part, (part * (CELLS_OF_A_BEAM as f32 * part).min(1.0)).sqrt()]
     }
@@ -290,8 +290,8 @@ impl Params {
         1.0 / self.reflecting_paths as f32
     }
 
-    /// Whether a path follows reflections. Those that do are spread evenly over a scanline's rays and layers. The
-    /// golden ratio shifts them from scanline to scanline.
+    /// Whether a path follows reflections. The paths that follow reflections are spread evenly over the rays and layers
+    /// of a scanline. From scanline to scanline, they shift by the golden ratio.
     pub(crate) fn follows_reflections(&self, line_ray: u32, layer: u32) -> bool {
         let paths = self.rays * self.layers;
         let (line, in_line) = (line_ray / self.rays, layer * self.rays + line_ray % self.rays);

@@ -6,7 +6,7 @@ use super::live_control::{choice, slider, toggle};
 use super::{Apodization, Change, Samples, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
 
 /// Largest number of samples per scanline.
-pub(crate) const SAMPLES_MAX: u32 = 8192;
+pub const SAMPLES_MAX: u32 = 8192;
 
 /// Shape of a transducer's face.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

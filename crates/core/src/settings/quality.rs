@@ -54,7 +54,7 @@ settings! {
         /// Largest number of reflections of a path; 0: no mirror images or reverberation.
         reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
 
-        /// Fraction of a scanline's paths that follow reflections; each stands for others, too; at least 24 paths do.
+        /// Fraction of a scanline's paths that follow reflections; at least 24 paths follow them, or all if there are fewer.
         reflecting_share: f64 = REFLECTING_SHARE, "", 0.0..=1.0, Nothing;
 
         /// Largest number of taps of the lateral beam, rounded down to odd; a wider beam is cut, with narrower speckle.

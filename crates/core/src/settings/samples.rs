@@ -1,6 +1,6 @@
 //! Number of samples per scanline: chosen, or from the pulse.
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Serialize, Serializer};
 
 use super::setting::AUTO;
 use super::{Kind, Stored};
@@ -50,37 +50,26 @@ impl Serialize for Samples {
     }
 }
 
-impl<'de> Deserialize<'de> for Samples {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged)]
-        enum Written {
-            Number(u32),
-            Word(String),
-        }
-        match Written::deserialize(deserializer)? {
-            Written::Number(samples) if samples > 0 => Ok(Self::Number(samples)),
-            Written::Word(word) if word == AUTO => Ok(Self::Auto),
-            Written::Number(_) | Written::Word(_) => Err(de::Error::custom("samples must be 1 or more, or \"auto\"")),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::{Probe, SettingsGroup as _};
 
     #[test]
     fn samples_come_back_from_json_and_from_their_stored_number() {
+        let setting = Probe::setting("samples").unwrap();
         for samples in [Samples::Auto, Samples::Number(3072)] {
-            let json = serde_json::to_value(samples).unwrap();
-            assert_eq!(serde_json::from_value::<Samples>(json).unwrap(), samples);
-            let mut stored = Samples::Number(1);
+            let (mut read, mut stored) = (Samples::Number(1), Samples::Number(1));
+            let json = setting.to_json(&samples);
+            assert_eq!(json, serde_json::to_value(samples).unwrap());
+            setting.read_json(&json, &mut read).unwrap();
             stored.set(0, samples.get(0));
-            assert_eq!(stored, samples);
+            assert_eq!((read, stored), (samples, samples));
         }
         for wrong in ["0", "-1", "1.5", "\"all\"", "true"] {
-            assert!(serde_json::from_str::<Samples>(wrong).is_err(), "{wrong}");
+            let mut kept = Samples::Number(7);
+            let error = setting.read_json(&serde_json::from_str(wrong).unwrap(), &mut kept).unwrap_err();
+            assert!(error.contains("\"auto\"") && kept == Samples::Number(7), "{wrong}: {error}");
         }
     }
 }

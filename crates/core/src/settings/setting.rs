@@ -201,8 +201,12 @@ impl Setting {
             Kind::Number => (value.as_f64().map(|number| vec![number]), "a number".to_owned()),
             Kind::WholeOrAuto if value.as_str() == Some(AUTO) => (Some(vec![0.0]), String::new()),
             Kind::Whole | Kind::WholeOrAuto => {
-                let whole = value.as_u64().and_then(|whole| u32::try_from(whole).ok());
-                let or_auto = if self.kind == Kind::WholeOrAuto { format!(" or \"{AUTO}\"") } else { String::new() };
+                // 0 stands for the word.
+                let (least, or_auto) = match self.kind {
+                    Kind::WholeOrAuto => (1, format!(" above 0, or \"{AUTO}\"")),
+                    _ => (0, String::new()),
+                };
+                let whole = value.as_u64().and_then(|whole| u32::try_from(whole).ok()).filter(|&whole| whole >= least);
                 (whole.map(|whole| vec![whole.into()]), format!("a whole number{or_auto}"))
             }
             Kind::Switch => (value.as_bool().map(|on| vec![on.into()]), "true or false".to_owned()),

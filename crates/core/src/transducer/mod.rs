@@ -12,6 +12,7 @@ pub use aberration::aberration;
 pub use contact::{Contact, touch};
 pub use housing::housing;
 pub use placement::{Misplacement, misplacement};
+pub use probe::BLOCK_SAMPLES;
 pub use scan_geometry::ScanGeometry;
 pub use sector::Sector;
 

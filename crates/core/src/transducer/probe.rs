@@ -9,9 +9,9 @@ use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
 /// Largest distance between automatic samples, in standard deviations of the pulse's envelope. Grey levels are linear
 /// between samples: with fewer, lengths of displayed points are off by more than a tenth (`docs/notes/samples.md`).
 const SIGMAS_PER_SAMPLE: f64 = 1.0;
-/// Samples of a block. An automatic number has an odd number of blocks: scanlines a multiple of 4 KiB apart in memory
-/// would compete for the same part of the first-level cache.
-const BLOCK_SAMPLES: u32 = 16;
+/// Samples of a block, which share one lateral kernel and one gain. An automatic number has an odd number of blocks:
+/// scanlines a multiple of 4 KiB apart in memory would compete for the same part of the first-level cache.
+pub const BLOCK_SAMPLES: u32 = 16;
 /// Largest automatic number of blocks.
 const BLOCKS_MAX: u32 = SAMPLES_MAX / BLOCK_SAMPLES - 1;
 

@@ -157,6 +157,11 @@ mod tests {
             assert!(grid.plane_mm <= 3.34 && grid.planes <= PLANES_MAX, "{} mm", grid.plane_mm);
             assert_eq!(grid.modes.len() % MODE_LANES, 0);
         }
+        // No number of samples rounds to more than an eighth more planes.
+        for samples in [1000, 1536, 2048, 2512, 3072, 5000] {
+            let grid = Grid::new(&Probe { samples: samples.into(), ..Probe::default() }).unwrap();
+            assert!((0.875 * 3.33 - 0.25..=3.34).contains(&grid.plane_mm), "{samples}: {} mm", grid.plane_mm);
+        }
         assert!(Grid::new(&Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() }).is_none());
     }
 

@@ -339,8 +339,8 @@ impl Inputs {
         1.0 / self.reflecting_paths as f64
     }
 
-    /// Whether a path follows reflections. All axial paths do. Of the others, those that do are spread evenly over a
-    /// scanline's rays and layers, from an offset that the golden ratio shifts from scanline to scanline.
+    /// Whether a path follows reflections. All axial paths do. The other paths that follow reflections are spread evenly
+    /// over the rays and layers of a scanline. From scanline to scanline, they shift by the golden ratio.
     pub fn follows_reflections(&self, path: usize) -> bool {
         if path >= self.sounding() {
             return true;

@@ -93,9 +93,9 @@ impl LineCrossings {
     }
 }
 
-/// Finds the crossings of a packet's rays, in any order of the rays' searches: ahead of their starts up to `length_mm`
-/// into `lines`, and from behind their starts up to `near_mm` into `near`, unsorted. Returns the number of crossings of
-/// each ray in `near`, and the number lost there for lack of room. The other rays affect which ones are lost.
+/// Finds the crossings of a packet's rays. `lines` receives the crossings ahead of each ray's start up to `length_mm`,
+/// sorted. `near` receives all crossings up to `near_mm`, also behind the start, unsorted. Returns the number of crossings
+/// of each ray in `near`, and the number lost there for lack of room. The other rays affect which crossings are lost.
 #[inline(always)]
 pub(super) fn collect(
     tree: &Tree<'_>,

@@ -39,8 +39,8 @@ pub(super) struct PathState {
     /// ln of an amplitude factor of the scatterers alone. Their powers add over the paths, so the random choice of
     /// reflection makes half of an interface's loss in nepers; this is the other half.
     pub(super) ln_scatter: f32,
-    /// ln of an amplitude factor of the scatterers of a path that has reflected: it stands for the paths that follow no
-    /// reflections, too.
+    /// ln of a second amplitude factor of the scatterers alone. It is 0 until the path reflects. From then on the path also
+    /// stands for the paths that follow no reflections.
     pub(super) ln_share: f32,
     /// ln of the two-way amplitude of a wave that passes every interface.
     pub(super) ln_passed: f32,
