@@ -3,12 +3,17 @@
 import torch
 import torch.nn.functional as F
 from torch import nn
+from torch.nn.utils.parametrizations import spectral_norm
 
 
 class PatchDiscriminator(nn.Module):
-    """Logits [n, 1, ~h/4, ~w/4] of an input [n, channels, h, w] and a picture [n, 1, h, w] (Isola et al. 2017)."""
+    """Logits [n, 1, ~h/4, ~w/4] of an input [n, channels, h, w] and a picture [n, 1, h, w] (Isola et al. 2017).
 
-    def __init__(self, channels, ndf):
+    `spectral` limits the slope of each layer (Miyato et al. 2018) in place of pix2pix's instance norm, which divides by the
+    contrast of a picture and so never sees it.
+    """
+
+    def __init__(self, channels, ndf, spectral=False):
         super().__init__()
         self.layers = nn.ModuleList(
             [
@@ -18,7 +23,10 @@ class PatchDiscriminator(nn.Module):
                 nn.Conv2d(4 * ndf, 1, 4, 1, 1),
             ]
         )
-        self.norms = nn.ModuleList([nn.GroupNorm(c, c) for c in (2 * ndf, 4 * ndf)])
+        self.norms = nn.ModuleList([nn.Identity() if spectral else nn.GroupNorm(c, c) for c in (2 * ndf, 4 * ndf)])
+        if spectral:
+            for layer in self.layers:
+                spectral_norm(layer)
 
     def forward(self, inputs, picture):
         x = F.leaky_relu(self.layers[0](torch.cat([inputs, picture], 1)), 0.2)

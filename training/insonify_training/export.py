@@ -61,6 +61,7 @@ def load_run(folder, data):
         raise ExportError(f"{folder}: the run is of {named(grid)}, the others are of {named(data.grid)}: name it alone")
     trainer = Trainer(config, data)
     trainer.load(state)
+    trainer.generator = trainer.shown
     freeze(trainer.generator.eval())
     return trainer, state.get("data_sha256")
 

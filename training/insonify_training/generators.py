@@ -41,6 +41,12 @@ class Config:
     # Share of the LQ image in the exported output, for its grain; 0 for networks that have no such share.
     share: float = 0.0
     gan_weight: float = 0.0
+    # Adversarial loss: `log` is pix2pix's; `hinge` takes a discriminator with spectral norm.
+    gan: str = "log"
+    # Learning rate of the discriminator; 0 for the generator's.
+    discriminator_rate: float = 0.0
+    # Share that the running mean of the weights keeps at a step; it is exported. 0: the last weights are.
+    ema: float = 0.0
     # Steps without the GAN term, and steps in which it rises to its weight.
     warmup: int = 0
     ramp: int = 1

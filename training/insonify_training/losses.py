@@ -16,9 +16,10 @@ def soft_clip(y):
     return inside + LEAK * (y - inside)
 
 
-def l1(output, target):
-    """Mean absolute difference of masked pictures."""
-    return F.l1_loss(output, target)
+def l1(output, target, area=None):
+    """Mean absolute difference of masked pictures, weighted by `area`, whose mean is 1."""
+    difference = (output - target).abs()
+    return (difference if area is None else difference * area).mean()
 
 
 def soft_histogram(levels, bins=BINS):
@@ -41,9 +42,10 @@ def patch_divergence(output, target, offset, side=PATCH):
     are ignored. It rewards the grain that L1 smooths away. Pictures are at least `side` + `offset` pixels high and wide.
     """
     output, target = (patches(picture, offset, side) for picture in (output, target))
-    seen = target.amax(1) > 0
-    p, q = (soft_histogram(levels[seen]) for levels in (target, output))
-    return divergence(p, q).sum() / seen.sum().clamp_min(1)
+    # Black patches have the weight 0 and are not cut out: shapes stay the same, as CUDA graphs need.
+    seen = (target.amax(1) > 0).to(output.dtype)
+    p, q = (soft_histogram(levels) for levels in (target, output))
+    return (divergence(p, q) * seen).sum() / seen.sum().clamp_min(1)
 
 
 def grid(output, target, period=8, tile=32):
@@ -78,3 +80,17 @@ def discriminator_loss(real, fake):
 def generator_gan_loss(fake):
     """Cross-entropy of generated patches labelled as rendered."""
     return F.binary_cross_entropy_with_logits(fake.float(), torch.ones_like(fake, dtype=torch.float32))
+
+
+def discriminator_hinge(real, fake):
+    """Hinge loss of logits of rendered and of generated patches (Lim and Ye 2017): 0 where they are apart by the margins."""
+    return 0.5 * (F.relu(1 - real.float()).mean() + F.relu(1 + fake.float()).mean())
+
+
+def generator_hinge(fake):
+    """Mean logit of generated patches, negated."""
+    return -fake.float().mean()
+
+
+# Losses of discriminator and generator by the name of the adversarial term.
+GAN = {"log": (discriminator_loss, generator_gan_loss), "hinge": (discriminator_hinge, generator_hinge)}

@@ -107,6 +107,16 @@ def tent(side):
     return torch.einsum("ai,bj->abij", weights, weights).reshape(side * side, 1, 3, 3)
 
 
+def grain(image, side=5, floor=0.02):
+    """Fine detail of `image` [n, 1, h, w], divided by its own local deviation: about 1 in speckle of any level, 0 in black.
+
+    Mean and deviation are of `side` x `side` pixels. `floor` is the deviation, of levels within 0..=1, below which detail fades.
+    """
+    mean = lambda x: F.avg_pool2d(x, side, 1, side // 2, count_include_pad=False)  # noqa: E731
+    detail = image - mean(image)
+    return detail / (mean(detail * detail) + floor**2).sqrt()
+
+
 class StemNet(nn.Module):
     """A strided convolution as the stem, a small U-Net at the coarse scales, a pixel shuffle as the head.
 
@@ -115,16 +125,17 @@ class StemNet(nn.Module):
     cell; the other interpolates `SMOOTH` channels between cells, without which cells of `stride` pixels are visible.
 
     The first channel is the LQ image. The output is b + g * image: the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels,
-    sets how much of the image's grain is kept. In evaluation, and where it is exported, `share` of the image replaces as
-    much of that output.
+    sets how much of the image's grain is kept. With `grained`, h * grain(image) is added, h as fine as g: it gives a place of any
+    level as much of the image's grain as the target has there. In evaluation, and where it is exported, `share` of the image
+    replaces as much of that output.
     """
 
     GAIN_PX = 2
     SMOOTH = 4
 
-    def __init__(self, channels, stride, widths, norm="none"):
+    def __init__(self, channels, stride, widths, norm="none", grained=False):
         super().__init__()
-        self.share = 0.0
+        self.share, self.grained = 0.0, grained
         self.stride = stride
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
@@ -132,7 +143,7 @@ class StemNet(nn.Module):
         self.bottom = nn.ModuleList(Conv(widths[-1], widths[-1], norm=norm) for _ in range(2))
         self.up = nn.ModuleList(Conv(b, a, 1, padding=0) for a, b in zip(widths, widths[1:]))
         self.decode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[:-1])
-        sides = (stride, stride // self.GAIN_PX)
+        sides = (stride, *[stride // self.GAIN_PX] * (1 + grained))
         self.shapes = [side * side for side in sides]
         self.head = Conv(widths[0], sum(self.shapes), 1, padding=0)
         self.reduce = Conv(widths[0], self.SMOOTH, 1, padding=0)
@@ -141,14 +152,17 @@ class StemNet(nn.Module):
             # Starts as an interpolation, and at half of the image: a training that began at the image itself never left it.
             self.spread[0].weight.mul_(0.1).add_(torch.cat([tent(side) for side in sides]))
             self.spread[0].bias.zero_()
-            self.head[0].bias[self.shapes[0] :] = 0.5
+            gain = slice(self.shapes[0], sum(self.shapes[:2]))
+            self.head[0].bias[gain] = 0.5
+            if grained:
+                self.spread[0].weight[gain.stop :].zero_()
 
     def fold_share(self):
-        """Puts the share into the head: (1 - share) * (b + g * image) + share * image has another base and gain."""
+        """Puts the share into the head: (1 - share) * output + share * image has another base and other gains."""
         for part in (self.head, self.spread):
             part.weight.mul_(1 - self.share)
             part.bias.mul_(1 - self.share)
-        self.head.bias[self.shapes[0] :].add_(self.share)
+        self.head.bias[self.shapes[0] : sum(self.shapes[:2])].add_(self.share)
         self.share = 0.0
 
     def forward(self, inputs):
@@ -162,10 +176,12 @@ class StemNet(nn.Module):
         for up, decode, skip in zip(reversed(self.up), reversed(self.decode), reversed(skips)):
             x = F.interpolate(up(x), scale_factor=2.0, mode="nearest") + skip
             x = F.relu(decode(x))
-        base, gain = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
-        gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
-        gain = F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest")
-        output = F.pixel_shuffle(base, self.stride) + gain * inputs[:, :1]
+        base, *gains = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
+        output = F.pixel_shuffle(base, self.stride)
+        image = inputs[:, :1]
+        for gain, of in zip(gains, (image, grain(image)) if self.grained else (image,)):
+            gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
+            output = output + F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest") * of
         if self.training or self.share == 0:
             return output
         return (1 - self.share) * output + self.share * inputs[:, :1]
@@ -204,11 +220,11 @@ class UNet(nn.Module):
 
 
 def make(network, channels, norm="none"):
-    """Network by name: stride8, stride4, unet64 (any ngf); weights from torch's own seed."""
-    if network == "stride8":
-        return StemNet(channels, 8, (48, 96, 128), norm)
-    if network == "stride4":
-        return StemNet(channels, 4, (32, 64, 96, 128), norm)
+    """Network by name: stride8, stride4, the same with grain (grain8, grain4), unet64 (any ngf); weights from torch's own seed."""
+    if network in ("stride8", "grain8"):
+        return StemNet(channels, 8, (48, 96, 128), norm, network == "grain8")
+    if network in ("stride4", "grain4"):
+        return StemNet(channels, 4, (32, 64, 96, 128), norm, network == "grain4")
     if network.startswith("unet") and network[4:].isdigit():
         return UNet(channels, int(network[4:]), norm)
-    raise ValueError(f"network {network}: it must be stride8, stride4 or unetN (N: channels of the first level)")
+    raise ValueError(f"network {network}: it must be stride8, stride4, grain8, grain4 or unetN (N: channels of the first level)")

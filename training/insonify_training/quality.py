@@ -1,6 +1,7 @@
 """PSNR, SSIM and pKL of grey levels, for the training log and the manifest. The table is that of `insonify evaluate`."""
 
 import torch
+import torch.nn.functional as F
 
 from .patches import BINS, divergence, parts, patches
 
@@ -33,6 +34,35 @@ def pkl(output, target, mask):
     inside = (patches(mask, 0).mean(1) >= 0.5).view(len(output), -1)
     each = divergence(p, q).view(len(output), -1)
     return (each * inside).sum(1) / inside.sum(1).clamp_min(1)
+
+
+# Sides, pixels: of a block whose mean an eye compares, and of a patch in which it compares the grain.
+BLOCK, GRAIN_PATCH = 16, 32
+
+
+def seen_error(output, target, mask):
+    """What an eye sees of an error, grey levels [n, 3]: the whole, its part of levels and its part of texture.
+
+    The square of the pixels' error is that of the means of blocks, plus that of the detail within them. Speckle's detail is
+    another at every look, so that only its strength counts: the part of texture is the RMS difference of the detail's deviations, patch
+    by patch. The whole is the root of the sum of squares. Blocks and patches with less than half of their pixels inside are left out.
+    """
+    side, per = BLOCK, GRAIN_PATCH // BLOCK
+    rows, columns = (side * per * (n // (side * per)) for n in output.shape[-2:])
+    output, target, mask = (x[..., :rows, :columns].float() for x in (output, target, mask))
+    output, target = (torch.round(x.clamp(0, 1) * 255) for x in (output, target))
+    pool = lambda x, n: F.avg_pool2d(x, n)  # noqa: E731
+    share = pool(mask, side)
+    means = [pool(x * mask, side) / share.clamp_min(1e-6) for x in (output, target)]
+    counted = (share >= 0.5).float()
+    of = lambda square, weight: (square * weight).sum((1, 2, 3)) / weight.sum((1, 2, 3)).clamp_min(1)  # noqa: E731
+    levels = of((means[0] - means[1]).square(), counted)
+    spread = []
+    for x, mean in zip((output, target), means):
+        detail = (x - mean.repeat_interleave(side, -1).repeat_interleave(side, -2)).square() * mask
+        spread.append((pool(pool(detail, side), per) / pool(share, per).clamp_min(1e-6)).sqrt())
+    texture = of((spread[0] - spread[1]).square(), (pool(share, per) >= 0.5).float())
+    return torch.stack([(levels + texture).sqrt(), levels.sqrt(), texture.sqrt()], 1)
 
 
 def ssim(output, target, mask):

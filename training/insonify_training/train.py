@@ -17,6 +17,7 @@ import torch
 from .beam import BeamGrid
 from .channels import VARIANTS
 from .dataset import LQ, Crops, Dataset, DatasetError, Quality
+from .losses import GAN
 from .networks import NORMS, make
 from .patches import PATCH
 from .quality import pkl, psnr_db, ssim
@@ -56,7 +57,7 @@ def configure(args):
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     generator = GENERATORS[args.generator] if args.trial is None else GENERATORS[args.generator].trial(args.trial)
     config = replace(generator, **{k: v for k, v in given.items() if v is not None})
-    choices = {"variant": list(VARIANTS), "norm": list(NORMS)}
+    choices = {"variant": list(VARIANTS), "norm": list(NORMS), "gan": list(GAN)}
     for name, known in choices.items():
         if getattr(config, name) not in known:
             raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
@@ -131,7 +132,7 @@ def resume(trainer, run, config, data_sha256):
     if state["step"] > config.steps:
         raise SystemExit(f"{run.checkpoint}: at step {state['step']}, beyond the {config.steps} of this training: name another --out")
     # More steps continue the same training; another network structure doesn't.
-    for name in ("network", "variant", "lq", "hq", "attenuation_power", "norm", "ndf"):
+    for name in ("network", "variant", "lq", "hq", "attenuation_power", "norm", "ndf", "gan", "ema"):
         if getattr(kept, name) != getattr(config, name):
             raise SystemExit(
                 f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
