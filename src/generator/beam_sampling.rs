@@ -55,6 +55,8 @@ pub(super) struct BeamSampling {
     segmentation: Vec<u8>,
     attenuation: Vec<f32>,
     mask: Vec<u8>,
+    /// Differences between a model's output and the kept share of its input on the grid, grey levels.
+    changes: Vec<f32>,
 }
 
 impl BeamSampling {
@@ -81,7 +83,20 @@ impl BeamSampling {
         }
         let mask = to_grid.iter().map(|corners| if corners.weights == [0; 4] { 0 } else { 255 }).collect();
         let (image, segmentation, attenuation) = Default::default();
-        Self { grid, geometry, scanlines, cells, to_grid, to_picture, spans, image, segmentation, attenuation, mask }
+        Self {
+            grid,
+            geometry,
+            scanlines,
+            cells,
+            to_grid,
+            to_picture,
+            spans,
+            image,
+            segmentation,
+            attenuation,
+            mask,
+            changes: Vec::new(),
+        }
     }
 
     /// Whether the tables are for this grid and geometry.
@@ -125,37 +140,62 @@ impl BeamSampling {
         }
     }
 
-    /// Writes the rounded grey levels of the picture [height × width] to `out`, 0 outside `mask`. They are interpolated
-    /// from the model's `values` on the grid, whose rows have the length `stride`; the first row begins at index
-    /// `first`.
+    /// Writes the rounded grey levels of the picture [height × width] to `out`, 0 outside the mask of `input`. They are
+    /// interpolated from the model's `values` on the grid, whose rows have the length `stride`; the first row begins at
+    /// index `first`. If the grid keeps detail, the kept share of the last resampled image is subtracted before, and the
+    /// same share of the image of `input` is added afterwards.
     pub(super) fn picture(
-        &self,
+        &mut self,
         values: &[f32],
         [first, stride]: [usize; 2],
         affine: Affine,
-        mask: &[u8],
+        input: &Input<'_>,
         out: &mut Vec<u8>,
     ) {
-        let width = self.geometry.sector.width as usize;
         out.clear();
-        out.resize(mask.len(), 0);
+        out.resize(input.mask.len(), 0);
         let (last_line, last_cell) = (self.scanlines - 1, self.cells - 1);
         if first + last_cell * stride + last_line >= values.len() {
             return;
         }
-        let model = Model { values, first, stride, last_line, last_cell, affine };
-        let bands =
-            out.par_chunks_mut(BAND * width).zip(mask.par_chunks(BAND * width)).zip(self.spans.par_chunks(BAND));
-        bands.for_each(|((rows, masks), spans)| {
-            let rows = rows.chunks_exact_mut(width).zip(masks.chunks_exact(width));
-            for ((row, mask), &[begin, end, entry]) in rows.zip(spans) {
+        let kept = self.grid.detail_kept;
+        if kept == 0.0 || self.image.len() != self.to_grid.len() || input.image.len() != out.len() {
+            let model = Model { values, first, stride, last_line, last_cell, affine };
+            self.interpolate_rows(&model, (&[], 0.0), input.mask, out);
+            return;
+        }
+        let mut changes = std::mem::take(&mut self.changes);
+        changes.resize(self.image.len(), 0.0);
+        let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
+        let rows = changes.chunks_exact_mut(self.scanlines).zip(self.image.chunks_exact(self.scanlines));
+        for ((changes, image), values) in rows.zip(values[first..].chunks(stride)) {
+            for ((change, &level), &value) in changes.iter_mut().zip(image).zip(values) {
+                *change = at_most(at_least(value * scale + offset, 0.0), 255.0) - kept * real(level.into());
+            }
+        }
+        // The changes are grey levels already.
+        let affine = Affine::new(1.0 / 255.0, 0.0);
+        let model = Model { values: &changes, first: 0, stride: self.scanlines, last_line, last_cell, affine };
+        self.interpolate_rows(&model, (input.image, kept), input.mask, out);
+        self.changes = changes;
+    }
+
+    /// Interpolates `model` at all pixels inside `mask`, and adds a share of the grey levels of an image, which may be
+    /// empty.
+    fn interpolate_rows(&self, model: &Model<'_>, (image, share): (&[u8], f32), mask: &[u8], out: &mut [u8]) {
+        let width = self.geometry.sector.width as usize;
+        let bands = out.par_chunks_mut(BAND * width).zip(self.spans.par_chunks(BAND)).enumerate();
+        bands.for_each(|(band, (rows, spans))| {
+            for (at, (row, &[begin, end, entry])) in rows.chunks_exact_mut(width).zip(spans).enumerate() {
                 let of_row = entry..entry + end - begin;
                 let Cells { first_values, next } = &self.to_picture;
+                let start = (band * BAND + at) * width;
                 interpolate(
-                    &model,
+                    model,
                     &first_values[of_row.clone()],
                     &next[of_row],
-                    &mask[begin..end],
+                    (image.get(start + begin..start + end).unwrap_or(&[]), share),
+                    &mask[start + begin..start + end],
                     &mut row[begin..end],
                 );
             }
@@ -175,20 +215,35 @@ struct Model<'a> {
 }
 
 widened! {
-    /// Interpolates the pixels of a picture row: rounded grey levels, 0 where the mask is 0.
+    /// Interpolates the pixels of a picture row: rounded grey levels, 0 where the mask is 0. A share of an image's row,
+    /// which may be empty, is added.
     fn interpolate(
-        model: &Model<'_>, first_values: &[u32], next: &[u16], mask: &[u8], row: &mut [u8],
+        model: &Model<'_>, first_values: &[u32], next: &[u16], image: (&[u8], f32), mask: &[u8], row: &mut [u8],
     ) = interpolate_body
 }
 
 #[inline(always)]
-fn interpolate_body(model: &Model<'_>, first_values: &[u32], next: &[u16], mask: &[u8], row: &mut [u8]) {
+fn interpolate_body(
+    model: &Model<'_>,
+    first_values: &[u32],
+    next: &[u16],
+    (image, share): (&[u8], f32),
+    mask: &[u8],
+    row: &mut [u8],
+) {
     let groups = first_values.chunks(LANES).zip(next.chunks(LANES));
-    for ((first_values, next), (mask, row)) in groups.zip(mask.chunks(LANES).zip(row.chunks_mut(LANES))) {
+    let images = image.chunks(LANES).chain(std::iter::repeat(&[] as &[u8]));
+    for (((first_values, next), image), (mask, row)) in
+        groups.zip(images).zip(mask.chunks(LANES).zip(row.chunks_mut(LANES)))
+    {
+        let mut added = [0.0; LANES];
+        for (added, &level) in added.iter_mut().zip(image) {
+            *added = share * real(level.into());
+        }
         if let (Some(first_values), Some(next)) = (first_values.first_chunk(), next.first_chunk())
             && let (Some(mask), Some(row)) = (mask.first_chunk::<LANES>(), row.first_chunk_mut::<LANES>())
         {
-            let levels = levels(model, first_values, next);
+            let levels = levels(model, first_values, next, &added);
             for i in 0..LANES {
                 row[i] = levels[i] & mask[i];
             }
@@ -197,16 +252,21 @@ fn interpolate_body(model: &Model<'_>, first_values: &[u32], next: &[u16], mask:
         let (mut whole, mut whole_next) = ([0; LANES], [0; LANES]);
         whole[..first_values.len()].copy_from_slice(first_values);
         whole_next[..next.len()].copy_from_slice(next);
-        let levels = levels(model, &whole, &whole_next);
+        let levels = levels(model, &whole, &whole_next, &added);
         for ((level, &found), &inside) in row.iter_mut().zip(&levels).zip(mask) {
             *level = found & inside;
         }
     }
 }
 
-/// Interpolated grey levels of a group of `LANES` pixels.
+/// Interpolated grey levels of a group of `LANES` pixels, plus `added`.
 #[inline(always)]
-fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES]) -> [u8; LANES] {
+fn levels(
+    model: &Model<'_>,
+    first_values: &[u32; LANES],
+    next: &[u16; LANES],
+    added: &[f32; LANES],
+) -> [u8; LANES] {
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
     let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
     for i in 0..LANES {
@@ -238,7 +298,7 @@ fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES]) -
         let upper = corners[0][i] + x * (corners[1][i] - corners[0][i]);
         let lower = corners[2][i] + x * (corners[3][i] - corners[2][i]);
         let mean = upper + y * (lower - upper);
-        let level = at_most(at_least(mean * scale + offset, 0.0), 255.0);
+        let level = at_most(at_least(mean * scale + offset + added[i], 0.0), 255.0);
         levels[i] = nearest_bits(level) as u8;
     }
     levels

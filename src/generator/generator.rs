@@ -148,7 +148,7 @@ impl Generator {
                     (&*levels, Affine::new(1.0 / 255.0, 0.0))
                 }
             };
-            sampling.picture(values, [geometry.first(), geometry.padded_width], affine, input.mask, out);
+            sampling.picture(values, [geometry.first(), geometry.padded_width], affine, input, out);
         });
         (self.sampling, self.grid_levels) = (Some(sampling), levels);
         done

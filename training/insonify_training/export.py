@@ -157,6 +157,13 @@ def write_manifest(path, head, tables):
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def on_picture(config, sampling, output, lq):
+    """Picture [height, width] within 0..=1 of a network's output on the grid, as the station makes it; `lq` are its grey levels."""
+    levels = 255 * output
+    levels = sampling.corrected(levels, lq, config.detail_kept) if config.detail_kept > 0 else sampling.picture(levels)
+    return torch.from_numpy(levels).float() / 255
+
+
 def measure(trainer, ort, multiple, data, frames):
     """Mean PSNR, SSIM and pKL inside the sector of test tuples, full field of view: of the exported model [3], of LQ [3].
 
@@ -170,8 +177,8 @@ def measure(trainer, ort, multiple, data, frames):
         inputs, target, inside = trainer.encode(planes, mask)
         output = run_onnx(ort, inputs, multiple, trainer.encode.outside).clamp(0, 1) * inside
         if data.grid:
-            output = torch.from_numpy(data.sampling(row).picture(output.numpy())).float()
             planes, mask = (part[None] for part in data.picture(row))
+            output = on_picture(trainer.config, data.sampling(row), output[0, 0].numpy(), planes[0, LQ])[None, None]
             _, target, inside = trainer.encode(np.array(planes), mask[None])
         lq = torch.from_numpy(planes[:, LQ : LQ + 1]).float() / 255 * inside
         values.append([[f(p, target, inside).item() for f in (psnr_db, ssim, pkl)] for p in (output, lq)])
@@ -220,7 +227,7 @@ def export(run, data, out, description=None, frames=32, name=None):
     if "attenuation" in channels and config.attenuation_power != 1.0:
         affine["attenuation"]["power"] = config.attenuation_power
     if data.grid:
-        tables["beam"] = {"scanlines": data.grid.scanlines, "cell_mm": data.grid.cell_mm}
+        tables["beam"] = {"scanlines": data.grid.scanlines, "cell_mm": data.grid.cell_mm, **({"detail_kept": config.detail_kept} if config.detail_kept > 0 else {})}
     tables["output"] = {"name": "output", **unit}
     tables["parity"] = {
         "input": f"{name}.parity_input.npy", "output": f"{name}.parity_output.npy", "tolerance": TOLERANCE,

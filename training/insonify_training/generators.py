@@ -19,6 +19,8 @@ class Config:
     hq: str = "32x3x9"
     # Beam coordinates, SCANLINESxCELL_MM; none: pictures.
     beam: str = ""
+    # Share of the picture's detail finer than the grid that the station keeps in the output, 0..=1.
+    detail_kept: float = 0.0
     # Exponent of the attenuation that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"

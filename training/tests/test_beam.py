@@ -37,6 +37,16 @@ def test_values_come_back_as_in_the_station(fixture):
     assert np.abs(np.round(sampling.picture(values)).reshape(-1) - found["picture"]).max() <= 1
 
 
+def test_a_picture_is_corrected_as_in_the_station(fixture):
+    found, sampling = fixture
+    values = 0.5 * np.array(found["grid_image"], dtype=np.float32).reshape(sampling.shape) + 0.25 * 255
+    levels = np.round(sampling.corrected(values, plane(found, "image", sampling), 0.5)).reshape(-1)
+    # A level of the grid that differs by one, and a rounding.
+    assert np.abs(levels - found["corrected"]).max() <= 2
+    unchanged = sampling.levels(plane(found, "image", sampling)).astype(np.float32)
+    assert (sampling.corrected(unchanged, plane(found, "image", sampling), 1.0) == plane(found, "image", sampling) * sampling.mask).all()
+
+
 def test_a_grid_is_written_as_text():
     grid = BeamGrid.parse("256x0.2")
     assert str(grid) == "256x0.2" and grid.cells(150.0) == 750

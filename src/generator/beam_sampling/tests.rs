@@ -3,7 +3,7 @@ use serde_json::json;
 use super::*;
 use crate::transducer::{Probe, ProbeKind, Sector};
 
-const GRID: BeamGrid = BeamGrid { scanlines: 48, cell_mm: 1.5 };
+const GRID: BeamGrid = BeamGrid { scanlines: 48, cell_mm: 1.5, detail_kept: 0.0 };
 const CONVEX: ProbeKind = ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 };
 
 fn geometry(kind: ProbeKind) -> ScanGeometry {
@@ -87,7 +87,7 @@ fn a_picture_comes_back_from_the_grid() {
         let values: Vec<f32> =
             sampling.resample(&maps.input(&geometry)).image.iter().map(|l| f32::from(*l) / 255.0).collect();
         let mut out = vec![7; 3];
-        sampling.picture(&values, [0, 48], Affine::new(1.0, 0.0), &maps.mask, &mut out);
+        sampling.picture(&values, [0, 48], Affine::new(1.0, 0.0), &maps.input(&geometry), &mut out);
         assert!(out.iter().zip(&maps.mask).all(|(level, inside)| *inside > 0 || *level == 0));
         let off: Vec<u8> = out.iter().zip(&maps.image).map(|(found, expected)| found.abs_diff(*expected)).collect();
         let far = off.iter().filter(|off| **off > 6).count();
@@ -99,7 +99,7 @@ fn a_picture_comes_back_from_the_grid() {
 fn padded_values_are_read_at_their_offsets() {
     let geometry = geometry(CONVEX);
     let maps = Maps::of(&geometry, smooth);
-    let sampling = BeamSampling::new(GRID, geometry);
+    let mut sampling = BeamSampling::new(GRID, geometry);
     let value = |cell: usize, scanline: usize| 0.3 + 0.004 * cell as f32 + 0.002 * scanline as f32;
     let plain: Vec<f32> = (0..100 * 48).map(|i| value(i / 48, i % 48)).collect();
     // Padding: three rows above the grid and five columns to its left.
@@ -110,9 +110,30 @@ fn padded_values_are_read_at_their_offsets() {
         }
     }
     let (mut found, mut expected) = (Vec::new(), Vec::new());
-    sampling.picture(&plain, [0, 48], Affine::new(1.0, 0.0), &maps.mask, &mut expected);
-    sampling.picture(&padded, [3 * 64 + 5, 64], Affine::new(1.0, 0.0), &maps.mask, &mut found);
+    sampling.picture(&plain, [0, 48], Affine::new(1.0, 0.0), &maps.input(&geometry), &mut expected);
+    sampling.picture(&padded, [3 * 64 + 5, 64], Affine::new(1.0, 0.0), &maps.input(&geometry), &mut found);
     assert_eq!(found, expected);
+}
+
+#[test]
+fn a_picture_keeps_detail_that_is_finer_than_the_grid() {
+    let geometry = geometry(CONVEX);
+    let fine = |fraction: f64, depth_mm: f64| smooth(fraction, depth_mm) + ((depth_mm * 7.0) as u8 % 3) * 12;
+    let maps = Maps::of(&geometry, fine);
+    let input = maps.input(&geometry);
+    let mut sampling = BeamSampling::new(BeamGrid { detail_kept: 1.0, ..GRID }, geometry);
+    let values: Vec<f32> = sampling.resample(&input).image.iter().map(|level| f32::from(*level) / 255.0).collect();
+    let mut out = Vec::new();
+    // An output that equals the input changes nothing, to the last pixel.
+    sampling.picture(&values, [0, 48], Affine::new(1.0, 0.0), &input, &mut out);
+    assert_eq!(out, maps.image);
+    // Twenty levels more on the grid are twenty more in the picture; white stays white.
+    sampling.picture(&values, [0, 48], Affine::new(1.0, 20.0 / 255.0), &input, &mut out);
+    let white = |level: u8| level > 225;
+    for ((&found, &level), &inside) in out.iter().zip(&maps.image).zip(&maps.mask) {
+        let expected = if inside == 0 { 0 } else { level.saturating_add(20) };
+        assert!(found.abs_diff(expected) <= 1 || white(level), "{found}, {level}");
+    }
 }
 
 #[test]
@@ -132,14 +153,18 @@ fn maps_take_the_nearest_pixel_and_empty_ones_stay_empty() {
 #[test]
 fn training_resamples_alike() {
     let geometry = ScanGeometry::fit(&Probe { kind: CONVEX, ..Probe::default() }, 64, 46);
-    let grid = BeamGrid { scanlines: 16, cell_mm: 9.0 };
+    let grid = BeamGrid { scanlines: 16, cell_mm: 9.0, detail_kept: 0.0 };
     let maps = Maps::of(&geometry, |fraction, depth_mm| ((fraction * 977.0 + depth_mm * 31.0) as u32 % 251) as u8);
     let mut sampling = BeamSampling::new(grid, geometry);
     let on_grid = sampling.resample(&maps.input(&geometry));
     let (image, segmentation) = (on_grid.image.to_vec(), on_grid.segmentation.to_vec());
     let values: Vec<f32> = image.iter().map(|level| f32::from(*level) / 255.0).collect();
     let mut picture = Vec::new();
-    sampling.picture(&values, [0, 16], Affine::new(1.0, 0.0), &maps.mask, &mut picture);
+    sampling.picture(&values, [0, 16], Affine::new(1.0, 0.0), &maps.input(&geometry), &mut picture);
+    let mut keeping = BeamSampling::new(BeamGrid { detail_kept: 0.5, ..grid }, geometry);
+    keeping.resample(&maps.input(&geometry));
+    let mut corrected = Vec::new();
+    keeping.picture(&values, [0, 16], Affine::new(0.5, 0.25), &maps.input(&geometry), &mut corrected);
     let ScanGeometry { sector, depth_mm, .. } = geometry;
     let scan = json!({
         "radius_mm": 40.0, "half_extent": Probe::default().half_extent(), "depth_mm": depth_mm,
@@ -148,14 +173,14 @@ fn training_resamples_alike() {
     let made = json!({
         "grid": "16x9", "size": [64, 46], "scan": scan,
         "image": maps.image, "segmentation": maps.segmentation, "mask": maps.mask,
-        "grid_image": image, "grid_segmentation": segmentation, "picture": picture,
+        "grid_image": image, "grid_segmentation": segmentation, "picture": picture, "corrected": corrected,
     });
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/beam_grid.json");
     if std::env::var_os("INSONIFY_WRITE_SUMS").is_some() {
         std::fs::write(path, made.to_string() + "\n").unwrap();
     }
     let kept: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-    for key in ["grid_image", "grid_segmentation", "picture"] {
+    for key in ["grid_image", "grid_segmentation", "picture", "corrected"] {
         assert_eq!(made[key], kept[key], "{key}: INSONIFY_WRITE_SUMS=1 writes it anew, and training/ must agree");
     }
 }

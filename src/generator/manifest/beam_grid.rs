@@ -10,6 +10,10 @@ pub struct BeamGrid {
     pub scanlines: u32,
     /// Length of a range cell along the scanline, mm, 0.02..=2.
     pub cell_mm: f64,
+    /// Share of the picture's detail finer than the grid that stays in the output, 0..=1. With 0, the output on the grid
+    /// replaces the picture; with 1, the picture is changed by the difference between output and input on the grid.
+    #[serde(default)]
+    pub detail_kept: f32,
 }
 
 impl BeamGrid {
@@ -20,6 +24,9 @@ impl BeamGrid {
         }
         if !(0.02..=2.0).contains(&self.cell_mm) {
             return Err(format!("beam.cell_mm is {}; it must be 0.02..=2", self.cell_mm));
+        }
+        if !(0.0..=1.0).contains(&self.detail_kept) {
+            return Err(format!("beam.detail_kept is {}; it must be 0..=1", self.detail_kept));
         }
         Ok(())
     }
