@@ -83,12 +83,12 @@ class Trainer:
         self.step += 1
         return {**seen, "rate": self.config.rate_at(self.step - 1)}
 
-    def update(self, inputs, target, mask, gan_weight=None, offsets=(0, 0), area=None):
+    def update(self, inputs, target, mask, gan_weight=None, offsets=(0, 0), area=None, view=None):
         """Changes the weights by the losses of a batch, and returns the losses as tensors.
 
         `gan_weight`, a number or a tensor, is left out before the adversarial term begins. `offsets` are those of SSIM's windows and
-        of the divergence's patches, px. `area` [n, 1, h, 1] weighs the rows of L1. Nothing here waits for the device, so that
-        a CUDA graph can hold it.
+        of the divergence's patches, px. `area` [n, 1, h, 1] weighs the rows of L1. With a `view`, the divergence is that of the picture
+        which the station makes. Nothing here waits for the device, so that a CUDA graph can hold it.
         """
         config = self.config
         with self._autocast():
@@ -100,7 +100,10 @@ class Trainer:
             seen["dissimilarity"] = dissimilarity.detach()
             loss = loss + config.ssim_weight * dissimilarity
         if config.divergence_weight > 0:
-            divergence = losses.patch_divergence(output, target, offsets[1])
+            pair = (output, target)
+            if view is not None:
+                pair = (losses.soft_clip(view.of(output, inputs[:, :1], config.detail_kept)), view.hq)
+            divergence = losses.patch_divergence(*pair, offsets[1])
             seen["divergence"] = divergence.detach()
             loss = loss + config.divergence_weight * divergence
         if config.grid_weight > 0:

@@ -72,10 +72,10 @@ class Session:
         self.trainer.generator.train()
 
     def _update(self):
-        planes, mask, area = self.train.draw(self.entry.config.batch, self.entry.config.flip)
-        inputs, target, inside = self.trainer.encode(planes, mask)
+        drawn = self.train.draw(self.entry.config.batch, self.entry.config.flip)
+        inputs, target, inside = self.trainer.encode(drawn.planes, drawn.mask)
         weight = self.gan_weight if self.entry.config.gan_weight > 0 else None
-        return self.trainer.update(inputs, target, inside, weight, area=area)
+        return self.trainer.update(inputs, target, inside, weight, area=drawn.area, view=drawn.view)
 
     def capture(self):
         """Takes the first steps, and keeps the next as a graph where the device is a GPU."""

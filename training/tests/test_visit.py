@@ -8,7 +8,7 @@ import torch
 
 from insonify_training import judge, visit
 from insonify_training.beam import BeamGrid
-from insonify_training.dataset import HQ, Dataset
+from insonify_training.dataset import HQ, LQ, Dataset
 from insonify_training.networks import fold, grain, make
 from insonify_training.quality import seen_error
 from insonify_training.resident import BORDER, Resident
@@ -28,7 +28,8 @@ def test_drawn_crops_are_pieces_of_the_tuples(data_dir):
     data = Dataset(data_dir, BeamGrid(64, 0.5))
     resident = Resident(data, "train", 32)
     torch.manual_seed(1)
-    planes, mask, area = resident.draw(12)
+    drawn = resident.draw(12)
+    planes, mask, area = drawn.planes, drawn.mask, drawn.area
     assert planes.shape == (12, 4, *resident.crop) and mask.shape == (12, 1, *resident.crop) and area.shape == (12, 1, resident.crop[0], 1)
     whole = [np.pad(data.planes(row)[HQ], [(side, side + 64) for side in BORDER]) for row in data.split("train")]
     seen = set()
@@ -44,6 +45,33 @@ def test_drawn_crops_are_pieces_of_the_tuples(data_dir):
         assert places
         seen.add(places[0])
     assert len(seen) > 6 and len({mirrored for *_, mirrored in seen}) == 2
+
+
+def test_a_view_is_the_picture_that_the_station_makes(data_dir):
+    data = Dataset(data_dir, BeamGrid(64, 0.5))
+    resident = Resident(data, "train", 32)
+    torch.manual_seed(2)
+    drawn = resident.draw(6, window=96)
+    image = drawn.planes[:, LQ : LQ + 1].float() / 255
+    whole = [np.asarray(data.picture(row)[0][LQ]) for row in data.split("train")]
+    for kept in (0.0, 0.5, 1.0):
+        # A network that gives half of its input.
+        made = drawn.view.of(0.5 * image, image, kept).clamp(0, 1)
+        for one, view, inside in zip(made, drawn.view.lq, drawn.view.inside):
+            level = (255 * view[0]).round().numpy().astype(int)
+            seen = inside[0].numpy() > 0
+            (at, y, x) = next(
+                (at, y, x)
+                for at, picture in enumerate(whole)
+                for y in range(picture.shape[0] - 95)
+                for x in range(picture.shape[1] - 95)
+                if (picture[y : y + 96, x : x + 96][seen] == level[seen]).all()
+            )
+            sampling = data.sampling(data.split("train")[at])
+            values = 0.5 * sampling.levels(whole[at]).astype(np.float32)
+            expected = sampling.corrected(values, whole[at], kept)[y : y + 96, x : x + 96]
+            # The station's weights are whole parts of 256.
+            assert np.abs(255 * one[0].numpy() - expected)[seen].max() < 1.5 and seen.mean() > 0.2
 
 
 def test_processes_read_the_same_tuples(data_dir):
