@@ -12,6 +12,7 @@
 //! | [`ssim`](fn@ssim) | higher | windows see the whole images; the map is averaged over the pixels inside |
 //! | [`pkl`](fn@pkl) | lower | patches with at least half of their pixels inside, by these pixels alone |
 //! | [`level_difference`] | lower | as pKL |
+//! | [`seen_error`] | lower | as pKL, and blocks with at least half of their pixels inside |
 //! | [`frechet_distance`] | lower | never: extractors take rectangles |
 //! | [`speckle`](mod@speckle) | nearer to the reference's | by the segmentation, which is 0 outside |
 //! | [`structures`](mod@structures) | lower | by the segmentation, which is 0 outside |
@@ -33,6 +34,7 @@ pub mod qa_phantom;
 mod reference_tests;
 pub mod regions;
 mod scores;
+mod seen;
 pub mod speckle;
 mod ssim;
 pub mod steadiness;
@@ -51,6 +53,7 @@ pub(crate) use regions::RegionSum;
 pub use regions::{RegionError, Scanlines};
 pub(crate) use scores::infinite_is_null;
 pub use scores::{Scores, Spread, Summary};
+pub use seen::{SeenError, seen_error};
 pub use speckle::ClassSpeckle;
 pub use ssim::ssim;
 pub use steadiness::Steadiness;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pair, pkl, psnr_db, ssim};
+use super::{Pair, SeenError, pkl, psnr_db, seen_error, ssim};
 use crate::statistics::{mean, percentile};
 
 /// Metrics of one image against its reference.
@@ -15,13 +15,15 @@ pub struct Scores {
     pub ssim: f64,
     /// pKL, nats; `None` if the image is smaller than a patch, or the mask leaves no patch.
     pub pkl: Option<f64>,
+    /// Error that an eye sees, grey levels; `None` where pKL is.
+    pub seen: Option<SeenError>,
 }
 
 impl Scores {
     /// Metrics of a pair.
     pub fn of(pair: &Pair<'_>) -> Self {
-        // pKL fails only if there is no patch to compare.
-        Self { pkl: pkl(pair).ok(), psnr_db: psnr_db(pair), ssim: ssim(pair) }
+        // pKL and the seen error fail only if there is no patch to compare.
+        Self { pkl: pkl(pair).ok(), seen: seen_error(pair).ok(), psnr_db: psnr_db(pair), ssim: ssim(pair) }
     }
 }
 
@@ -48,10 +50,12 @@ pub struct Summary {
     pub psnr_db: Spread,
     /// SSIM: mean and 5th percentile.
     pub ssim: Spread,
-    /// Number of images without pKL.
+    /// Number of images without pKL and seen error.
     pub without_pkl: usize,
     /// pKL of the other images, nats: mean and 95th percentile; `None` if there are none.
     pub pkl: Option<Spread>,
+    /// Means of the seen error and of its parts over the same images, grey levels; `None` if there are none.
+    pub seen: Option<SeenError>,
 }
 
 impl Summary {
@@ -62,6 +66,10 @@ impl Summary {
             let finite = values.iter().copied().filter(|v| v.is_finite());
             Some(Spread { mean: mean(finite).unwrap_or(f64::INFINITY), percentile: percentile(&values, part)? })
         };
+        let part = |of: fn(&SeenError) -> f64| mean(scores.iter().filter_map(|s| s.seen.as_ref()).map(of));
+        let seen = || {
+            Some(SeenError { whole: part(|s| s.whole)?, levels: part(|s| s.levels)?, texture: part(|s| s.texture)? })
+        };
         Some(Self {
             images: scores.len(),
             identical: scores.iter().filter(|s| s.psnr_db.is_infinite()).count(),
@@ -69,6 +77,7 @@ impl Summary {
             ssim: spread(|s| Some(s.ssim), 0.05)?,
             without_pkl: scores.iter().filter(|s| s.pkl.is_none()).count(),
             pkl: spread(|s| s.pkl, 0.95),
+            seen: seen(),
         })
     }
 }
@@ -92,7 +101,7 @@ mod tests {
 
     #[test]
     fn identical_images_are_counted_and_left_out_of_the_mean() {
-        let of = |psnr_db| Scores { psnr_db, ssim: 0.5, pkl: Some(0.25) };
+        let of = |psnr_db| Scores { psnr_db, ssim: 0.5, pkl: Some(0.25), seen: None };
         let some = Summary::of(&[of(20.0), of(30.0), of(f64::INFINITY)]).unwrap();
         assert_eq!((some.images, some.identical), (3, 1));
         assert_eq!(some.psnr_db, Spread { mean: 25.0, percentile: 21.0 });
@@ -105,20 +114,28 @@ mod tests {
     }
 
     #[test]
-    fn an_image_without_a_patch_has_all_but_pkl() {
+    fn an_image_without_a_patch_has_neither_pkl_nor_seen_error() {
         let small = Scores::of(&Pair::new([20, 10], &[8; 200], &[7; 200], None).unwrap());
-        assert!((small.psnr_db - 20.0 * 255f64.log10()).abs() < 1e-12 && small.ssim > 0.9 && small.pkl.is_none());
-        let large = Scores { pkl: Some(0.25), ..small };
+        assert!(
+            (small.psnr_db - 20.0 * 255f64.log10()).abs() < 1e-12
+                && small.ssim > 0.9
+                && small.pkl.is_none()
+                && small.seen.is_none()
+        );
+        let seen = Some(SeenError { whole: 5.0, levels: 3.0, texture: 4.0 });
+        let large = Scores { pkl: Some(0.25), seen, ..small };
         let summary = Summary::of(&[small, large]).unwrap();
         assert_eq!((summary.images, summary.without_pkl), (2, 1));
         assert_eq!(summary.pkl, Some(Spread { mean: 0.25, percentile: 0.25 }));
-        assert_eq!(Summary::of(&[small]).unwrap().pkl, None);
+        assert_eq!(summary.seen, seen);
+        let without = Summary::of(&[small]).unwrap();
+        assert_eq!((without.pkl, without.seen), (None, None));
     }
 
     #[test]
     fn the_percentile_is_on_the_bad_side() {
         let scores: Vec<Scores> =
-            (0..=100).map(f64::from).map(|i| Scores { psnr_db: i, ssim: i, pkl: Some(i) }).collect();
+            (0..=100).map(f64::from).map(|i| Scores { psnr_db: i, ssim: i, pkl: Some(i), seen: None }).collect();
         let Summary { psnr_db, ssim, pkl, .. } = Summary::of(&scores).unwrap();
         assert_eq!([psnr_db.percentile, ssim.percentile, pkl.unwrap().percentile].map(|v| v.round()), [5.0, 5.0, 95.0]);
     }

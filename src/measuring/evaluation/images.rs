@@ -9,13 +9,13 @@ use serde::Serialize;
 
 use super::FeatureModel;
 use super::models::add_features;
-use super::tables::csv_scores;
+use super::tables::{CSV_SCORES, csv_scores};
 use crate::files::{FileError, read_grey};
 use crate::generator::OnnxFeatures;
 use crate::measuring::MeasuringError;
 use crate::measuring::table::csv_field;
 use crate::names::counted;
-use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
+use crate::quality::{Pair, Scores, SeenError, Summary, frechet_distance_of};
 
 /// Record that `render` writes into a frame's folder, and the images of that folder that show maps instead of echoes.
 const RECORD: &str = "frame.json";
@@ -120,9 +120,9 @@ pub fn compare(
 }
 
 impl ImagesReport {
-    /// CSV with a line for each image: name, PSNR, SSIM and pKL.
+    /// CSV with a line for each image: name, PSNR, SSIM, pKL, seen error and its parts.
     pub fn csv(&self) -> String {
-        let mut text = "image,psnr_db,ssim,pkl\n".to_owned();
+        let mut text = format!("image,{CSV_SCORES}\n");
         for NamedScores { name, scores } in &self.scores {
             text += &format!("{},{}\n", csv_field(name), csv_scores(scores));
         }
@@ -133,13 +133,18 @@ impl ImagesReport {
 impl fmt::Display for ImagesReport {
     /// Writes a table of means and percentiles.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = &self.summary;
+        let Summary { images, identical, psnr_db, ssim, without_pkl, pkl, seen } = &self.summary;
         writeln!(f, "{:12} {:>9} {:>9}", "", "mean", "5/95 %")?;
         writeln!(f, "{:12} {:>9.2} {:>9.2}", "PSNR [dB]", psnr_db.mean, psnr_db.percentile)?;
         writeln!(f, "{:12} {:>9.2} {:>9.2}", "SSIM [%]", 100.0 * ssim.mean, 100.0 * ssim.percentile)?;
         match pkl {
             Some(pkl) => writeln!(f, "{:12} {:>9.2} {:>9.2}", "pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile)?,
             None => writeln!(f, "{:12} {:>9} {:>9}", "pKL x100", "-", "-")?,
+        }
+        if let Some(SeenError { whole, levels, texture }) = seen {
+            for (name, value) in [("seen error", whole), ("  levels", levels), ("  texture", texture)] {
+                writeln!(f, "{name:12} {value:>9.2} {:>9}", "-")?;
+            }
         }
         if let Some(distance) = self.frechet_distance {
             writeln!(f, "{:12} {distance:>9.2} {:>9}", "FD", "-")?;
@@ -149,7 +154,7 @@ impl fmt::Display for ImagesReport {
             write!(f, "; {identical} identical, not in the mean of PSNR")?;
         }
         if *without_pkl > 0 {
-            write!(f, "; {without_pkl} without pKL, as no patch of 32 x 32 is half inside")?;
+            write!(f, "; {without_pkl} without pKL and seen error, as no patch of 32 x 32 is half inside")?;
         }
         writeln!(f)?;
         match self.left_out.as_slice() {

@@ -6,7 +6,7 @@ use super::dataset::DatasetReport;
 use super::judge::{Distance, RowReport};
 use super::steadiness::SteadinessReport;
 use crate::measuring::table::csv_field;
-use crate::quality::{RegionError, Scores, Summary};
+use crate::quality::{RegionError, Scores, SeenError, Summary};
 
 /// Least share of the pixels for a tissue to appear in the printed table. The JSON has all tissues.
 const SHARE_MIN: f64 = 0.002;
@@ -37,9 +37,10 @@ impl DatasetReport {
         text
     }
 
-    /// CSV with a line for each image and crop: tuple, row, part, corner, PSNR, SSIM and pKL.
+    /// CSV with a line for each image and crop: tuple, row, part, corner, PSNR, SSIM, pKL, seen error and its
+    /// parts.
     pub fn csv(&self) -> String {
-        let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
+        let mut text = format!("tuple,row,part,left,top,{CSV_SCORES}\n");
         for row in &self.rows {
             let name = csv_field(&row.name);
             let mut line = |index: usize, part: &str, [left, top]: [usize; 2], scores: &Scores| {
@@ -85,17 +86,18 @@ fn table(
     let mut text = "| | PSNR dB | 5 % | SSIM % | 5 % | pKL x100 | 95 % |".to_owned();
     let names = rows.first().map_or(&[][..], |row| &row.distances);
     names.iter().for_each(|d| text += &format!(" {} |", d.name));
-    text += "\n|---|---:|---:|---:|---:|---:|---:|";
+    text += " seen error | levels | texture |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|";
     names.iter().for_each(|_| text += "---:|");
     text += "\n";
     for row in rows {
-        let Some(&Summary { psnr_db, ssim, pkl: spread, .. }) = summary(row) else { continue };
+        let Some(&Summary { psnr_db, ssim, pkl: spread, seen, .. }) = summary(row) else { continue };
         let pkl = |value: Option<f64>| number(value.map(|v| 100.0 * v));
         let [mean, worst] = [ssim.mean, ssim.percentile].map(|v| 100.0 * v);
         let name = named(row);
         let _ = write!(text, "| {name} | {:.2} | {:.2} | {mean:.2} | {worst:.2} |", psnr_db.mean, psnr_db.percentile);
         let _ = write!(text, " {} | {} |", pkl(spread.map(|s| s.mean)), pkl(spread.map(|s| s.percentile)));
         row.distances.iter().for_each(|d| text += &format!(" {} |", number(distance(d))));
+        seen_parts(seen.as_ref()).iter().for_each(|part| text += &format!(" {} |", number(*part)));
         text += "\n";
     }
     text + "\n"
@@ -154,10 +156,19 @@ fn tissues(rows: &[RowReport]) -> String {
     text + "\n"
 }
 
-/// CSV fields psnr_db, ssim and pkl.
-pub(super) fn csv_scores(Scores { psnr_db, ssim, pkl }: &Scores) -> String {
-    let pkl = pkl.map_or_else(String::new, |pkl| pkl.to_string());
-    format!("{psnr_db},{ssim},{pkl}")
+/// Names of the fields of [`csv_scores`].
+pub(super) const CSV_SCORES: &str = "psnr_db,ssim,pkl,seen,levels,texture";
+
+/// CSV fields of the scores.
+pub(super) fn csv_scores(Scores { psnr_db, ssim, pkl, seen }: &Scores) -> String {
+    let field = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let [whole, levels, texture] = seen_parts(seen.as_ref()).map(field);
+    format!("{psnr_db},{ssim},{},{whole},{levels},{texture}", field(*pkl))
+}
+
+/// The seen error, its part of levels and its part of texture.
+fn seen_parts(seen: Option<&SeenError>) -> [Option<f64>; 3] {
+    [seen.map(|s| s.whole), seen.map(|s| s.levels), seen.map(|s| s.texture)]
 }
 
 fn named(row: &RowReport) -> String {

@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn agreement_is_the_mean_over_key_frames() {
-        let scores = |psnr_db, ssim| Scores { psnr_db, ssim, pkl: None };
+        let scores = |psnr_db, ssim| Scores { psnr_db, ssim, pkl: None, seen: None };
         let key = |lq, translated| KeyScores { name: String::new(), lq, translated: Some(translated) };
         let keys = [key(scores(20.0, 0.5), scores(24.0, 0.7)), key(scores(21.0, 0.52), scores(25.0, 0.73))];
         assert_eq!(Agreement(&keys).to_string(), "PSNR 20.5 to 24.5 dB, SSIM 0.510 to 0.715");

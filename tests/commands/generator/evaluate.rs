@@ -114,6 +114,9 @@ fn a_data_sets_figures_are_right() {
         assert_eq!(perfect["identical"], lq["images"]);
         close(&perfect["ssim"]["mean"], 1.0);
         close(&perfect["pkl"]["mean"], 0.0);
+        close(&perfect["seen"]["whole"], 0.0);
+        close(&lq["seen"]["levels"], 15.0);
+        close(&lq["seen"]["texture"], 0.0);
         assert!(lq["pkl"]["mean"].as_f64().unwrap() > 1.0 && lq["ssim"]["mean"].as_f64().unwrap() < 1.0);
         let distance = |row: &Value| row["distances"][0][part].as_f64().unwrap();
         assert!(
