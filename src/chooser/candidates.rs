@@ -3,7 +3,7 @@
 use super::control::Candidate;
 use super::times::Times;
 use crate::generator::{Generator, Quality};
-use crate::measuring::{ExpectedErrors, GeneratorKey};
+use crate::measuring::{ErrorMeasure, ExpectedErrors, GeneratorKey};
 use crate::pose::BySpeed;
 use crate::render::{Choice, Effect, FrameQuality};
 use crate::settings::RenderSettings;
@@ -125,8 +125,10 @@ impl Open {
         let generated = generated.filter_map(|(index, model, trained_on)| {
             let quality = self.below_generator(trained_on)?;
             let known = expected.by_speed(trained_on, Some(&model.key));
-            // Manifest and error table were measured on different frames, so only the manifest's ratio is comparable.
-            let by_ratio = || Some(expected.by_speed(quality, None)?.times(model.error_ratio.unwrap_or(UNMEASURED)));
+            // Manifest and error table were measured on different frames, so only the manifest's ratio is comparable. It
+            // is one of pixel errors, which says nothing about texture.
+            let ratio = model.error_ratio.filter(|_| expected.measure == ErrorMeasure::Pixels).unwrap_or(UNMEASURED);
+            let by_ratio = || Some(expected.by_speed(quality, None)?.times(ratio));
             let error = known.or_else(by_ratio)?;
             let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
             Some(Candidate { quality, generator: Some(index), error, render_ms, run_ms })
@@ -153,7 +155,7 @@ impl Open {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measuring::ErrorTable;
+    use crate::measuring::{ErrorTable, PointError, StationErrors};
     use crate::transducer::{Probe, ProbeKind};
 
     const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };
@@ -223,16 +225,27 @@ mod tests {
 
     #[test]
     fn a_generator_nobody_has_measured_is_a_little_better_than_its_input() {
-        let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
+        for (seen, gain) in [(None, 0.8), (Some(6.0), UNMEASURED)] {
+            let point = PointError::fixture(ROLLING, None, 20.0);
+            let point = seen.map_or(point.clone(), |whole| point.with_seen(whole));
+            let station = StationErrors::fixture("obstetric", "convex", vec![point]);
+            let table = ErrorTable { stations: vec![station], ..ErrorTable::new(String::new()) };
+            a_generators_error_is_estimated(&table.expected("obstetric", &Probe::default()), gain);
+        }
+    }
+
+    /// Checks the errors of two generators that the table lacks, one of them with a manifest's ratio of 0.8. The latter
+    /// has the error of its input times `gain`.
+    fn a_generators_error_is_estimated(expected: &ExpectedErrors<'_>, gain: f64) {
         let open = open(1, true);
         let models = [model("own", "ab", ROLLING, None), model("compounded", "cd", ROLLING, Some(0.8))];
-        let (qualities, found) = found(&open, &expected, &models);
+        let (qualities, found) = found(&open, expected, &models);
         let error = |generator| found.iter().find(|c| c.quality == ROLLING && c.generator == generator).unwrap().error;
-        assert_eq!([error(Some(0)), error(Some(1))], [error(None).times(UNMEASURED), error(None).times(0.8)]);
+        assert_eq!([error(Some(0)), error(Some(1))], [error(None).times(UNMEASURED), error(None).times(gain)]);
         // Without a measured run, the generator is no candidate.
         let mut half = times(&qualities, &models[..1]);
         half.insert([2, 3], Some(30.0));
-        assert!(open.candidates(&expected, &qualities, &models, &half).iter().all(|c| c.generator != Some(1)));
+        assert!(open.candidates(expected, &qualities, &models, &half).iter().all(|c| c.generator != Some(1)));
     }
 
     #[test]

@@ -112,7 +112,8 @@ fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured:
     };
     Some(format!(
         "quality: {name}, {ms:.0} ms of {limit_ms:.0} ({when}), {at_rest:.1} grey levels off the converged \
-         picture{whose}{moving}"
+         picture{whose}{moving} ({})",
+        expected.measure
     ))
 }
 
@@ -131,12 +132,13 @@ fn hint(
     let worth = better.error.at_rest < HINT * error && best.is_expected_to_fit(&better);
     worth.then(|| {
         format!(
-            "quality: {} is fixed, {error:.1} grey levels off the converged picture; {} would take {:.0} ms and be off by {:.1}: \
+            "quality: {} is fixed, {error:.1} grey levels off the converged picture; {} would take {:.0} ms and be off by {:.1} ({}): \
              `quality.frame_budget_ms = {frame_ms:.0}` in place of rays and layers lets the station choose",
             fixed.name(&point),
             best.name(&better),
             best.expected_ms(&better),
-            better.error.at_rest
+            better.error.at_rest,
+            expected.measure
         )
     })
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::candidates::own_quality;
-use crate::measuring::{ErrorTable, MeasuringError, timed};
+use crate::measuring::{ErrorMeasure, ErrorTable, MeasuringError, timed};
 use crate::pose::{Pose, ProbeSpeed};
 use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::RenderSettings;
@@ -22,6 +22,8 @@ pub struct StillQuality {
     pub quality: FrameQuality,
     /// Expected error, grey levels. Stills without the effect `aperture` have the error of stills with it.
     pub error: f64,
+    /// Which error that is.
+    pub measure: ErrorMeasure,
     /// Median frame time of `quality`, ms; `None` if no valid time was measured.
     pub frame_ms: Option<f64>,
     /// First quality that exceeds the budget, and its time, ms. The time is `None` if the device lacks memory for the
@@ -39,7 +41,7 @@ impl StillQuality {
 impl fmt::Display for StillQuality {
     /// Writes the quality with its time and error, and the time of the next quality.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { frame_budget_ms, quality, error, frame_ms, beyond } = self;
+        let Self { frame_budget_ms, quality, error, measure, frame_ms, beyond } = self;
         let Some(ms) = frame_ms else {
             return write!(f, "{quality}, whose frames gave no time to hold against {frame_budget_ms} ms");
         };
@@ -49,7 +51,7 @@ impl fmt::Display for StillQuality {
         write!(f, "{quality}, {ms:.1} ms of {frame_budget_ms}")?;
         // The table has no errors of stills without the effect `aperture`.
         if quality.aperture {
-            write!(f, ", {error:.1} grey levels off the converged picture")?;
+            write!(f, ", {error:.1} grey levels off the converged picture ({measure})")?;
         }
         match beyond {
             None => Ok(()),
@@ -91,7 +93,7 @@ pub fn choose_still(
     let mut poses = poses.iter().cycle();
     let mut frame = Frame::default();
     let first = points.first().map(|(quality, _)| *quality);
-    let chosen = search(&points, own, frame_budget_ms, |quality| {
+    let chosen = search((&points, expected.measure), own, frame_budget_ms, |quality| {
         match renderer.reconfigure(probe, &quality.apply(settings, aperture)) {
             Ok(()) => {}
             // The cheapest quality has to work.
@@ -110,17 +112,17 @@ pub fn choose_still(
     Ok(chosen)
 }
 
-/// Chooses among `points`: qualities with their errors, by increasing number of paths. Without points it chooses `own`.
+/// Chooses among `points`: qualities with their errors in `measure`, by increasing number of paths. Without points it chooses `own`.
 /// `frame_ms` renders a frame and returns its time, ms, or `None` if the device has no room for it. Invalid times are
 /// ignored.
 fn search<E>(
-    points: &[(FrameQuality, f64)],
+    (points, measure): (&[(FrameQuality, f64)], ErrorMeasure),
     own: FrameQuality,
     frame_budget_ms: f64,
     mut frame_ms: impl FnMut(FrameQuality) -> Result<Option<f64>, E>,
 ) -> Result<StillQuality, E> {
     let &(least, error) = points.first().unwrap_or(&(own, 0.0));
-    let mut chosen = StillQuality { frame_budget_ms, quality: least, error, frame_ms: None, beyond: None };
+    let mut chosen = StillQuality { frame_budget_ms, quality: least, error, measure, frame_ms: None, beyond: None };
     for &(quality, error) in points {
         // `Err(None)` means that the device has no room.
         let frames = timed(1, FRAMES, || frame_ms(quality).map_err(Some)?.ok_or(None));
@@ -158,7 +160,7 @@ mod tests {
     /// Result on a machine that takes 10 ms plus `per_path` ms per path, and the number of frames rendered.
     fn searched(points: &[(FrameQuality, f64)], frame_budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
         let mut frames = 0;
-        let found = search::<()>(points, FrameQuality::LQ, frame_budget_ms, |quality| {
+        let found = search::<()>((points, ErrorMeasure::Pixels), FrameQuality::LQ, frame_budget_ms, |quality| {
             frames += 1;
             // The first frame of each quality compiles shaders.
             let warm = if frames % 4 == 1 { 1000.0 } else { 0.0 };
@@ -192,21 +194,30 @@ mod tests {
     #[test]
     fn times_that_are_no_number_are_left_out() {
         let mut frames = 0;
-        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |_| {
+        let found = search::<()>((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| {
             frames += 1;
             Ok(Some(if frames % 4 == 2 { f64::NAN } else { 12.0 }))
         });
         assert_eq!(found.unwrap().frame_ms, Some(12.0));
-        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |_| Ok(Some(f64::INFINITY))).unwrap();
+        let found =
+            search::<()>((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| Ok(Some(f64::INFINITY)))
+                .unwrap();
         assert_eq!((found.quality, found.fits(), found.frame_ms), (FrameQuality::LQ, false, None));
     }
 
     #[test]
     fn a_refused_quality_ends_the_search_and_a_fault_is_handed_on() {
-        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |q| Ok((q.rays < 4).then_some(5.0))).unwrap();
+        let found =
+            search::<()>(
+                (&points(), ErrorMeasure::Pixels),
+                FrameQuality::LQ,
+                40.0,
+                |q| Ok((q.rays < 4).then_some(5.0)),
+            )
+            .unwrap();
         assert_eq!((found.quality, found.fits()), (FrameQuality::new(2, 3), true));
         assert_eq!(found.beyond, Some((FrameQuality::new(4, 3), None)));
-        assert_eq!(search(&points(), FrameQuality::LQ, 40.0, |_| Err("gone")), Err("gone"));
+        assert_eq!(search((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| Err("gone")), Err("gone"));
     }
 
     #[test]

@@ -138,7 +138,7 @@ mod tests {
         let of = |name: &str| Manifest::load(Path::new(&format!("{SHIPPED}/{name}/{name}.toml"))).unwrap();
         let point = |name: &str, rmse| {
             let generator = Some(GeneratorKey { name: name.into(), sha256: of(name).sha256 });
-            PointError { quality: FrameQuality::LQ, generator, rmse, spread: 0.1, by_speed: None }
+            PointError::fixture(FrameQuality::LQ, generator, rmse)
         };
         // `fast_msa` has the highest PSNR on its own data set; `beam_m_rolling` takes frames of another quality.
         let points = vec![point("fast_msa", 20.0), point("fast_m", 12.0), point("beam_m_rolling", 5.0)];

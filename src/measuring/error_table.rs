@@ -11,13 +11,14 @@ use thiserror::Error;
 
 use crate::generator::Generator;
 use crate::pose::{BySpeed, ProbeSpeed};
+use crate::quality::SeenError;
 use crate::render::FrameQuality;
 use crate::station::{SceneSource, Station};
 use crate::statistics::mean;
 use crate::transducer::{Probe, ProbeKind};
 
-/// Version of the table's layout. The first layout had no errors by speed.
-const FORMAT: u32 = 2;
+/// Version of the table's layout. The first layout had no errors by speed, the second no seen errors.
+const FORMAT: u32 = 3;
 const FORMAT_WITHOUT_SPEEDS: u32 = 1;
 
 /// Text of the shipped table.
@@ -77,9 +78,22 @@ pub struct StationErrors {
 }
 
 impl StationErrors {
-    fn error(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
+    /// Number that the station's points are compared by: the seen error if all of them have it.
+    fn measure(&self) -> ErrorMeasure {
+        let all = !self.points.is_empty() && self.points.iter().all(|point| point.measure() == ErrorMeasure::Seen);
+        if all { ErrorMeasure::Seen } else { ErrorMeasure::Pixels }
+    }
+
+    fn error(
+        &self,
+        measure: ErrorMeasure,
+        quality: FrameQuality,
+        generator: Option<&GeneratorKey>,
+        speed: ProbeSpeed,
+    ) -> Option<f64> {
         let exact = self.points.iter().find(|p| p.quality == quality && p.generator.as_ref() == generator);
-        exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none())).map(|point| point.at(speed))
+        let point = exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none()))?;
+        point.error(measure, speed)
     }
 
     /// The raw point that differs from `quality` at most in its number of angles, and has the nearest number by ratio.
@@ -104,15 +118,57 @@ pub struct PointError {
     pub rmse: f64,
     /// Difference of `rmse` between two seeds, grey levels.
     pub spread: f64,
-    /// Error by speed of the probe. `None` in a table without speeds; then `rmse` holds at every speed.
+    /// Error that an eye sees, mean over poses, grey levels. `None` in a table without seen errors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<SeenError>,
+    /// Error by speed of the probe, grey levels: the whole of `seen` if there is one, else the pixels'. `None` in a
+    /// table without speeds; then the mean holds at every speed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_speed: Option<BySpeed>,
+    /// RMS difference of pixels by speed of the probe, grey levels, of a point with `seen`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_by_speed: Option<BySpeed>,
+}
+
+/// Number that operating points are compared by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorMeasure {
+    /// Whole of the [`SeenError`].
+    Seen,
+    /// RMS difference of pixels.
+    Pixels,
+}
+
+impl fmt::Display for ErrorMeasure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Seen => "seen error",
+            Self::Pixels => "pixel error",
+        })
+    }
 }
 
 impl PointError {
-    /// Error at a probe speed, grey levels.
+    /// Number that [`Self::at`] gives: the seen error if the point has it.
+    pub fn measure(&self) -> ErrorMeasure {
+        if self.seen.is_some() { ErrorMeasure::Seen } else { ErrorMeasure::Pixels }
+    }
+
+    /// Error at a probe speed, in the point's own measure, grey levels.
     pub fn at(&self, speed: ProbeSpeed) -> f64 {
-        self.by_speed.map_or(self.rmse, |by_speed| by_speed.at(speed))
+        let all = self.seen.map_or(self.rmse, |seen| seen.whole);
+        self.by_speed.map_or(all, |by_speed| by_speed.at(speed))
+    }
+
+    /// Error at a probe speed in `measure`, grey levels; `None` if the point lacks it.
+    pub fn error(&self, measure: ErrorMeasure, speed: ProbeSpeed) -> Option<f64> {
+        match (measure, self.measure()) {
+            (ErrorMeasure::Seen, ErrorMeasure::Pixels) => None,
+            (ErrorMeasure::Pixels, ErrorMeasure::Seen) => Some(self.rmse_by_speed.map_or(self.rmse, |by| by.at(speed))),
+            (ErrorMeasure::Seen, ErrorMeasure::Seen) | (ErrorMeasure::Pixels, ErrorMeasure::Pixels) => {
+                Some(self.at(speed))
+            }
+        }
     }
 }
 
@@ -135,14 +191,20 @@ impl GeneratorKey {
 }
 
 impl fmt::Display for PointError {
-    /// Writes quality and generator, and the error by speed if it is known.
+    /// Writes quality and generator, and the errors if they are known by speed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.quality)?;
         if let Some(GeneratorKey { name, .. }) = &self.generator {
             write!(f, " + {name}")?;
         }
         let Some(BySpeed { at_rest, slow, fast }) = self.by_speed else { return Ok(()) };
-        write!(f, ": {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast")
+        write!(f, ": {} {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast", self.measure())?;
+        match self.seen {
+            Some(SeenError { levels, texture, .. }) => {
+                write!(f, " (mean: levels {levels:.1}, texture {texture:.1}; pixels {:.1})", self.rmse)
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -174,18 +236,23 @@ impl ErrorTable {
     }
 
     /// Expected errors of a station. They come from the same scene and kind of probe, at the nearest frequency. Without
-    /// such a station they are means over all stations with that kind of probe, else over all stations.
+    /// such a station they are means over all stations with that kind of probe, else over all stations. If some of these
+    /// have seen errors, the mean is over them alone.
     pub fn expected(&self, scene: &str, probe: &Probe) -> ExpectedErrors<'_> {
         let kind = kind_name(&probe.kind);
         let of_kind = |station: &&StationErrors| station.probe == kind;
         let distance = |station: &StationErrors| (station.frequency_mhz - probe.frequency_mhz).abs();
         let same = self.stations.iter().filter(|station| station.scene == scene).filter(of_kind);
         if let Some(nearest) = same.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
-            return ExpectedErrors { stations: vec![nearest], all: &self.stations, measured: true };
+            let measure = nearest.measure();
+            return ExpectedErrors { stations: vec![nearest], all: &self.stations, measure, measured: true };
         }
         let alike: Vec<&StationErrors> = self.stations.iter().filter(of_kind).collect();
-        let stations = if alike.is_empty() { self.stations.iter().collect() } else { alike };
-        ExpectedErrors { stations, all: &self.stations, measured: false }
+        let mut stations = if alike.is_empty() { self.stations.iter().collect() } else { alike };
+        let seen = |station: &&StationErrors| station.measure() == ErrorMeasure::Seen;
+        let measure = if stations.iter().any(seen) { ErrorMeasure::Seen } else { ErrorMeasure::Pixels };
+        stations.retain(|station| station.measure() == measure);
+        ExpectedErrors { stations, all: &self.stations, measure, measured: false }
     }
 }
 
@@ -212,6 +279,8 @@ pub struct ExpectedErrors<'a> {
     stations: Vec<&'a StationErrors>,
     /// All stations of the table. Generators are measured only at stations that name them.
     all: &'a [StationErrors],
+    /// Number that the errors are. All of them are of one kind, so that they can be compared.
+    pub measure: ErrorMeasure,
     /// Whether the errors are of the station's own scene and kind of probe.
     pub measured: bool,
 }
@@ -243,14 +312,15 @@ impl ExpectedErrors<'_> {
     /// raw errors at other stations.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
         let mean_of = |generator: Option<&GeneratorKey>| {
-            let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator, speed)).collect();
+            let error = |station: &&StationErrors| station.error(self.measure, quality, generator, speed);
+            let errors: Option<Vec<f64>> = self.stations.iter().map(error).collect();
             mean(errors?)
         };
         let Some(key) = generator else { return mean_of(None) };
         let elsewhere = || {
             let ratio = |station: &StationErrors| {
-                let raw = station.error(quality, None, speed).filter(|raw| *raw > 0.0)?;
-                Some(station.error(quality, Some(key), speed)? / raw)
+                let error = |generator| station.error(self.measure, quality, generator, speed);
+                Some(error(Some(key))? / error(None).filter(|raw| *raw > 0.0)?)
             };
             Some(mean(self.all.iter().filter_map(ratio))? * mean_of(None)?)
         };
@@ -276,12 +346,26 @@ impl StationErrors {
 }
 
 #[cfg(test)]
+impl PointError {
+    /// A point with an error of pixels alone.
+    pub(crate) fn fixture(quality: FrameQuality, generator: Option<GeneratorKey>, rmse: f64) -> Self {
+        Self { quality, generator, rmse, spread: 0.25, seen: None, by_speed: None, rmse_by_speed: None }
+    }
+
+    /// A point with a seen error too, of equal parts.
+    pub(crate) fn with_seen(self, whole: f64) -> Self {
+        let part = whole * 0.5f64.sqrt();
+        Self { seen: Some(SeenError { whole, levels: part, texture: part }), ..self }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
     fn point(rays: u32, layers: u32, generator: Option<&str>, rmse: f64) -> PointError {
         let generator = generator.map(|name| GeneratorKey { name: name.into(), sha256: "ab".into() });
-        PointError { quality: FrameQuality::new(rays, layers), generator, rmse, spread: 0.25, by_speed: None }
+        PointError::fixture(FrameQuality::new(rays, layers), generator, rmse)
     }
 
     fn station(scene: &str, probe: &str, frequency_mhz: f64, points: Vec<PointError>) -> StationErrors {
@@ -301,15 +385,15 @@ mod tests {
     fn a_table_comes_back_as_it_was_written() {
         let text = toml::to_string(&table()).unwrap();
         assert_eq!(ErrorTable::parse(&text).unwrap(), table());
-        let other = text.replace("format = 2", "format = 3");
-        assert_eq!(ErrorTable::parse(&other), Err(ErrorTableError::Format { found: 3 }));
+        let other = text.replace("format = 3", "format = 4");
+        assert_eq!(ErrorTable::parse(&other), Err(ErrorTableError::Format { found: 4 }));
         let error = ErrorTable::parse(&text.replace("rmse", "rms")).unwrap_err().to_string();
         assert!(error.contains("unknown field `rms`"), "{error}");
     }
 
     #[test]
     fn a_table_without_speeds_has_one_error_for_all_of_them() {
-        let old = toml::to_string(&table()).unwrap().replace("format = 2", "format = 1");
+        let old = toml::to_string(&table()).unwrap().replace("format = 3", "format = 1");
         assert!(!old.contains("speed") && !old.contains("frame_rate"), "{old}");
         let probe = Probe { frequency_mhz: 8.0, ..Probe::default() };
         let by_speed = |table: &ErrorTable| table.expected("fetus", &probe).by_speed(FrameQuality::LQ, None);
@@ -319,6 +403,40 @@ mod tests {
         new.stations[0].points[0].by_speed = Some(moving);
         let again = ErrorTable::parse(&toml::to_string(&new).unwrap()).unwrap();
         assert_eq!((by_speed(&again), &again), (Some(moving), &new));
+    }
+
+    #[test]
+    fn seen_errors_count_where_a_station_has_them() {
+        use ErrorMeasure::{Pixels, Seen};
+        let [rest, fast] = [ProbeSpeed::AtRest, ProbeSpeed::Fast];
+        let mut new = table();
+        // Smoothing: the generator halves the pixels' error, and doubles the seen one.
+        new.stations[0].points =
+            vec![point(1, 1, None, 20.0).with_seen(5.0), point(1, 1, Some("fast"), 10.0).with_seen(10.0)];
+        let raw = &mut new.stations[0].points[0];
+        raw.by_speed = Some(BySpeed::new([4.0, 5.0, 6.0]));
+        raw.rmse_by_speed = Some(BySpeed::new([16.0, 20.0, 22.0]));
+        assert_eq!([raw.at(rest), raw.at(fast)], [4.0, 6.0]);
+        assert_eq!([raw.error(Pixels, fast), raw.error(Seen, fast)], [Some(22.0), Some(6.0)]);
+        assert!(raw.to_string().contains("seen error 4.0 grey levels at rest, 5.0 slow, 6.0 fast"), "{raw}");
+        let text = toml::to_string(&new).unwrap();
+        assert!(text.contains("[station.point.seen]\nwhole = 5.0\n"), "{text}");
+        let new = ErrorTable::parse(&text).unwrap();
+        let key = new.stations[0].points[1].generator.as_ref();
+        let probe = |frequency_mhz, kind| Probe { frequency_mhz, kind, ..Probe::default() };
+        let convex = |frequency_mhz| probe(frequency_mhz, Probe::default().kind);
+        let of = |scene: &str, probe: &Probe| {
+            let expected = new.expected(scene, probe);
+            let [raw, generated] = [None, key].map(|key| expected.of(FrameQuality::LQ, key, rest).unwrap());
+            (expected.measure, raw, generated)
+        };
+        assert_eq!(of("fetus", &convex(8.0)), (Seen, 4.0, 10.0));
+        // A station without seen errors goes by its pixels, and estimates the generator from pixels.
+        assert_eq!(of("fetus", &convex(4.0)), (Pixels, 22.0, 13.75));
+        // The mean of unknown scenes is over the stations with seen errors, if there are any of the probe's kind.
+        assert_eq!(of("liver", &convex(8.0)), (Seen, 4.0, 10.0));
+        let linear = probe(8.0, ProbeKind::Linear { width_mm: 40.0 });
+        assert_eq!(of("liver", &linear), (Pixels, 30.0, 18.75));
     }
 
     #[test]

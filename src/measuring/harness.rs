@@ -1,5 +1,7 @@
 //! Renderer and generators that measure operating points: their frame times, and their errors against the reference.
 
+use serde::{Deserialize, Serialize};
+
 use super::point_times::Times;
 use super::pose_error::{PoseError, classes, rmse, summary};
 use super::reference::Reference;
@@ -8,7 +10,7 @@ use super::{Knobs, MeasuringError, Planned, Point};
 use crate::anatomy::Scene;
 use crate::generator::{Channel, Generator, Input, load_generators};
 use crate::pose::Pose;
-use crate::quality::level_difference;
+use crate::quality::{SeenError, level_difference, seen_error};
 use crate::render::{Frame, FrameQuality, Job, Quality, RenderSettings, Renderer};
 use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
@@ -27,6 +29,15 @@ const REPEATS_MAX: usize = 8;
 pub(super) fn pose_s(frame_s: f64, compare_s: f64) -> f64 {
     let repeats = (POSE_S / frame_s.max(1e-6)).ceil().clamp(REPEATS as f64, REPEATS_MAX as f64);
     SEEDS.len() as f64 * repeats * frame_s + compare_s
+}
+
+/// Errors of a live frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LiveError {
+    /// RMS difference of pixels, grey levels.
+    pub(crate) rmse: f64,
+    /// Error that an eye sees.
+    pub(crate) seen: SeenError,
 }
 
 /// A renderer with the data to measure points.
@@ -155,23 +166,24 @@ impl Harness {
         self.generators.get(index)
     }
 
-    /// RMS errors of a live frame with two seeds, grey levels.
+    /// Errors of a live frame with two seeds.
     pub(crate) fn live_error(
         &mut self,
         quality: FrameQuality,
         generator: Option<usize>,
         reference: &Reference,
         track: &Track,
-    ) -> Result<[f64; 2], MeasuringError> {
+    ) -> Result<[LiveError; 2], MeasuringError> {
         let knobs = self.live_knobs(quality);
         let mut image = Vec::new();
-        let mut errors = [0.0; SEEDS.len()];
-        for (error, seed) in errors.iter_mut().zip(SEEDS) {
+        let mut of_seed = |seed: u32| {
             self.configure(&knobs, seed)?;
             self.shown(track, generator, knobs.rolling, &mut image)?;
-            *error = rmse(&image, reference)?;
-        }
-        Ok(errors)
+            let seen = seen_error(&reference.pair(&image)?)?;
+            Ok::<_, MeasuringError>(LiveError { rmse: rmse(&image, reference)?, seen })
+        };
+        let [first, second] = SEEDS;
+        Ok([of_seed(first)?, of_seed(second)?])
     }
 
     /// Operating points of the generators, on frames of the qualities that they were trained for.

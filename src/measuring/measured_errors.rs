@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 
 use super::convergence::References;
 use super::error_table::{ErrorTable, GeneratorKey, PointError, StationErrors, kind_name, scene_name};
-use super::harness::Harness;
+use super::harness::{Harness, LiveError};
 use super::reference::Reference;
 use super::step::part;
 use super::store::{Store, identity};
 use super::{MeasuringError, Progress, Step};
 use crate::anatomy::Scene;
 use crate::pose::{BySpeed, LIMITS, Pose, ProbeSpeed};
+use crate::quality::SeenError;
 use crate::render::{Backend, FrameQuality, Renderer};
 use crate::station::{Poses, Station, Track};
 use crate::statistics::mean;
@@ -150,7 +151,7 @@ pub fn measure_errors(
     let check = references.check;
     let mut pictures: Vec<(Pose, Reference)> = first.into_iter().zip(references.pictures).collect();
     let show_frame = part(progress, "front");
-    let mut found: Vec<(ProbeSpeed, Vec<[f64; 2]>)> = Vec::new();
+    let mut found: Vec<(ProbeSpeed, Vec<[LiveError; 2]>)> = Vec::new();
     for (nth, &index) in order.iter().enumerate() {
         let (speed, track) = &tracks[index];
         let known = match pictures.iter().position(|(pose, _)| *pose == track.at) {
@@ -193,7 +194,7 @@ pub fn measure_errors(
     }))
 }
 
-/// RMS errors of a live frame with two seeds, grey levels, from the store or measured. `None` if they are not stored
+/// Errors of a live frame with two seeds, from the store or measured. `None` if they are not stored
 /// and `is_over` is true.
 fn live_error(
     harness: &mut Harness,
@@ -202,10 +203,11 @@ fn live_error(
     reference: &Reference,
     track: &Track,
     is_over: &dyn Fn() -> bool,
-) -> Result<Option<[f64; 2]>, MeasuringError> {
+) -> Result<Option<[LiveError; 2]>, MeasuringError> {
     let key = generator.and_then(|index| harness.generator(index)).map(GeneratorKey::of);
-    let file = format!("front {quality:?} {key:?}").replace(|c: char| !c.is_alphanumeric(), "_");
-    match store.read::<[f64; 2]>(&file)? {
+    // Results named "front" are of earlier versions, which measured the pixels alone.
+    let file = format!("seen {quality:?} {key:?}").replace(|c: char| !c.is_alphanumeric(), "_");
+    match store.read::<[LiveError; 2]>(&file)? {
         Some(kept) => Ok(Some(kept)),
         None if is_over() => Ok(None),
         None => {
@@ -216,18 +218,36 @@ fn live_error(
     }
 }
 
-/// An entry of the table, from the errors with two seeds at each pose, grey levels.
-fn point(quality: FrameQuality, generator: Option<GeneratorKey>, errors: &[(ProbeSpeed, [f64; 2])]) -> PointError {
+/// An entry of the table, from the errors with two seeds at each pose.
+fn point(
+    quality: FrameQuality,
+    generator: Option<GeneratorKey>,
+    errors: &[(ProbeSpeed, [LiveError; 2])],
+) -> PointError {
     let rounded = |value: f64| (1e3 * value).round() / 1e3;
-    let by_seed = |of: Option<ProbeSpeed>| {
+    let by_seed = |of: Option<ProbeSpeed>, value: fn(&LiveError) -> f64| {
         let some = || errors.iter().filter(|(speed, _)| of.is_none_or(|of| of == *speed));
-        [0, 1].map(|seed| mean(some().map(|(_, errors)| errors[seed])).unwrap_or(f64::NAN))
+        [0, 1].map(|seed| mean(some().map(|(_, errors)| value(&errors[seed]))).unwrap_or(f64::NAN))
     };
-    let middle = |[first, second]: [f64; 2]| rounded(0.5 * (first + second));
-    let by_speed = BySpeed::new(ProbeSpeed::ALL.map(|speed| middle(by_seed(Some(speed)))));
-    let [first, second] = by_seed(None);
-    let (rmse, spread) = (middle([first, second]), rounded((first - second).abs()));
-    PointError { quality, generator, rmse, spread, by_speed: Some(by_speed) }
+    let middle = |of: Option<ProbeSpeed>, value: fn(&LiveError) -> f64| {
+        let [first, second] = by_seed(of, value);
+        rounded(0.5 * (first + second))
+    };
+    let by_speed = |value: fn(&LiveError) -> f64| BySpeed::new(ProbeSpeed::ALL.map(|speed| middle(Some(speed), value)));
+    let [first, second] = by_seed(None, |e| e.rmse);
+    PointError {
+        quality,
+        generator,
+        rmse: middle(None, |e| e.rmse),
+        spread: rounded((first - second).abs()),
+        seen: Some(SeenError {
+            whole: middle(None, |e| e.seen.whole),
+            levels: middle(None, |e| e.seen.levels),
+            texture: middle(None, |e| e.seen.texture),
+        }),
+        by_speed: Some(by_speed(|e| e.seen.whole)),
+        rmse_by_speed: Some(by_speed(|e| e.rmse)),
+    }
 }
 
 /// Operating points to measure: qualities of raw frames, then generators with the frame qualities that they take.
@@ -257,10 +277,16 @@ mod tests {
     #[test]
     fn a_point_has_the_mean_of_each_speed_and_of_all() {
         use ProbeSpeed::{AtRest, Fast, Slow};
+        let of = |rmse: f64| {
+            let (levels, texture) = (0.3 * rmse, 0.4 * rmse);
+            LiveError { rmse, seen: SeenError { whole: 0.5 * rmse, levels, texture } }
+        };
         let errors = [(AtRest, [10.0, 12.0]), (AtRest, [14.0, 16.0]), (Slow, [20.0, 21.0]), (Fast, [30.0, 30.0])];
-        let found = point(FrameQuality::LQ, None, &errors);
-        assert_eq!(found.by_speed, Some(BySpeed::new([13.0, 20.5, 30.0])));
+        let found = point(FrameQuality::LQ, None, &errors.map(|(speed, errors)| (speed, errors.map(of))));
+        assert_eq!(found.rmse_by_speed, Some(BySpeed::new([13.0, 20.5, 30.0])));
+        assert_eq!(found.by_speed, Some(BySpeed::new([6.5, 10.25, 15.0])));
         assert_eq!((found.rmse, found.spread), (19.125, 1.25));
+        assert_eq!(found.seen, Some(SeenError { whole: 9.563, levels: 5.738, texture: 7.65 }));
     }
 
     #[test]

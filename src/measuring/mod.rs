@@ -42,7 +42,7 @@ pub use effect_cost::{EffectCosts, effect_costs};
 pub use effect_error::{EffectError, effects_csv, effects_markdown};
 pub use error::MeasuringError;
 pub use error_table::{
-    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, scene_name,
+    ErrorMeasure, ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, scene_name,
 };
 pub use knobs::Knobs;
 pub use look_cost::{LookCost, look_costs};
