@@ -261,12 +261,7 @@ fn interpolate_body(
 
 /// Interpolated grey levels of a group of `LANES` pixels, plus `added`.
 #[inline(always)]
-fn levels(
-    model: &Model<'_>,
-    first_values: &[u32; LANES],
-    next: &[u16; LANES],
-    added: &[f32; LANES],
-) -> [u8; LANES] {
+fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES], added: &[f32; LANES]) -> [u8; LANES] {
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
     let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
     for i in 0..LANES {
