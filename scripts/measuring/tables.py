@@ -264,6 +264,18 @@ def gpu_passes(data):
     return table(["median, ms", *(f"{row['name']}:" for row in rows)], cells) + "\n\n" + caption(data)
 
 
+def trained(data):
+    rows = []
+    for row in data["rows"]:
+        name = f"input, `{row['data']}`" if row["name"] == "LQ" else f"`{row['name']}`"
+        cells = [number(row["psnr_db"], 2), number(row["psnr_db_worst"], 2), number(100 * row["ssim"]), number(100 * row["pkl"]), number(100 * row["pkl_worst"])]
+        cells += [number(row["fd"], 2), number(row["seen"], 2), number(row["levels"], 2), number(row["texture"], 2)]
+        rows.append([name, *cells, "–" if row["name"] == "LQ" else "yes" if row["may_ship"] else "no"])
+    head = ["", "PSNR, dB:", "5 %:", "SSIM, %:", "pKL ×100:", "95 %:", "FD texture64:", "seen error:", "levels:", "texture:", "passes:"]
+    made = f": {data['pairs']['frames']} pairs rendered in {data['seconds']['render']:.0f} s, all trained side by side in {data['seconds']['train']:.0f} s"
+    return table(head, rows) + "\n\n" + caption(data, made)
+
+
 def gpu_host(data):
     names = [name for name in data["host"][0]["whole_ms"] if name in ("LQ", "LQ without maps", "HQ")]
     cells = [[str(row["threads"]), *(number(row["whole_ms"][name]) for name in names)] for row in data["host"]]
@@ -276,6 +288,7 @@ TABLES = {
     "gpu": ("gpu", gpu),
     "gpu_passes": ("gpu", gpu_passes),
     "gpu_host": ("gpu", gpu_host),
+    "trained": ("trained", trained),
     "passes": ("passes", passes),
     "demo": ("demo", demo),
     "tradeoff": ("tradeoff", tradeoff),
