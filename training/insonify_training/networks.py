@@ -126,16 +126,21 @@ class StemNet(nn.Module):
 
     The first channel is the LQ image. The output is b + g * image: the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels,
     sets how much of the image's grain is kept. With `grained`, h * grain(image) is added, h as fine as g: it gives a place of any
-    level as much of the image's grain as the target has there. In evaluation, and where it is exported, `share` of the image
+    level as much of the image's grain as the target has there. Where the image is black it has no grain to give, and detail that b drew there
+    would be a lattice of cells: b is smoothed there (`calm`). In evaluation, and where it is exported, `share` of the image
     replaces as much of that output.
     """
 
     GAIN_PX = 2
     SMOOTH = 4
+    # Mean level of the image, within 0..=1, below which detail of the base fades.
+    DARK = 0.12
 
     def __init__(self, channels, stride, widths, norm="none", grained=False):
         super().__init__()
         self.share, self.grained = 0.0, grained
+        weights = torch.tensor([0.25, 0.5, 0.25])
+        self.register_buffer("binomial", (weights[:, None] * weights)[None, None], persistent=False)
         self.stride = stride
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
@@ -165,6 +170,18 @@ class StemNet(nn.Module):
         self.head.bias[self.shapes[0] : sum(self.shapes[:2])].add_(self.share)
         self.share = 0.0
 
+    def calm(self, base, image):
+        """The base at full resolution, without detail where the surrounding of `image` is below `DARK`.
+
+        The weights 1, 2, 1 over means of cells leave nothing of a pattern whose period is one cell or two.
+        """
+        coarse = torch.cat([base.mean(1, keepdim=True), F.avg_pool2d(image, self.stride)], 1)
+        coarse = F.conv2d(F.pad(coarse, (1, 1, 1, 1), mode="replicate"), self.binomial.expand(2, 1, 3, 3), groups=2)
+        coarse = F.interpolate(coarse, scale_factor=float(self.stride), mode="bilinear", align_corners=False)
+        smooth, level = coarse.split(1, 1)
+        detail = F.pixel_shuffle(base, self.stride) - smooth
+        return smooth + detail * (level / self.DARK).clamp(0, 1)
+
     def forward(self, inputs):
         x = F.relu(self.stem(inputs))
         skips = []
@@ -177,8 +194,8 @@ class StemNet(nn.Module):
             x = F.interpolate(up(x), scale_factor=2.0, mode="nearest") + skip
             x = F.relu(decode(x))
         base, *gains = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
-        output = F.pixel_shuffle(base, self.stride)
         image = inputs[:, :1]
+        output = self.calm(base, image) if self.grained else F.pixel_shuffle(base, self.stride)
         for gain, of in zip(gains, (image, grain(image)) if self.grained else (image,)):
             gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
             output = output + F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest") * of
