@@ -273,7 +273,8 @@ def trained(data):
         rows.append([name, *cells, "–" if row["name"] == "LQ" else "yes" if row["may_ship"] else "no"])
     head = ["", "PSNR, dB:", "5 %:", "SSIM, %:", "pKL ×100:", "95 %:", "FD texture64:", "seen error:", "levels:", "texture:", "passes:"]
     made = f": {data['pairs']['frames']} pairs rendered in {data['seconds']['render']:.0f} s, all trained side by side in {data['seconds']['train']:.0f} s"
-    return table(head, rows) + "\n\n" + caption(data, made)
+    judged = f"; judged by {data['judged']}" if "judged" in data else ""
+    return table(head, rows) + "\n\n" + caption(data, made + judged)
 
 
 def gpu_host(data):

@@ -26,10 +26,14 @@ def keep(root, result, names):
     try:
         report = json.loads((result / "report.json").read_text())
         rows = [{"data": data, "name": name, **figures} for data, judged in report["judged"].items() for name, figures in judged.items()]
+        render_s, train_s = (float(report["seconds"][part]) for part in ("render", "train"))
     except (OSError, ValueError, KeyError) as error:
         raise VisitError(f"{result}: no report of a run that judged: {error!r}", 2) from None
     # All of them, before anything is written.
-    for source in [chosen(result, report, name) for name in names]:
+    sources = [chosen(result, report, name) for name in names]
+    if len({source.name for source in sources}) < len(sources):
+        raise VisitError(f"two of {', '.join(names)} are the same generator: name one of them", 2)
+    for source in sources:
         target = root / "assets/generators" / source.name
         shutil.rmtree(target, ignore_errors=True)
         shutil.copytree(source, target)
@@ -38,7 +42,8 @@ def keep(root, result, names):
     data = {
         "figure": "trained", "commit": report["packed"]["commit"], "date": report["date"],
         "machine": {"processor": ", ".join([*gpus, processor]), "cores": int(cores.split()[0])},
-        "command": "gpu-train run", "seconds": report["seconds"], "pairs": report["plan"]["pairs"], "rows": rows,
+        "command": "gpu-train run", "seconds": {"render": render_s, "train": train_s}, "pairs": report["plan"]["pairs"],
+        **({"judged": report["judged_by"]} if "judged_by" in report else {}), "rows": rows,
     }  # fmt: skip
     tree = store.Tree(root)
     print(tree.save(data).relative_to(tree.root))

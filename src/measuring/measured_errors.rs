@@ -205,7 +205,7 @@ fn live_error(
     is_over: &dyn Fn() -> bool,
 ) -> Result<Option<[LiveError; 2]>, MeasuringError> {
     let key = generator.and_then(|index| harness.generator(index)).map(GeneratorKey::of);
-    // Results named "front" are of earlier versions, which measured the pixels alone.
+    // The name differs from that of stored results with the pixels' error alone.
     let file = format!("seen {quality:?} {key:?}").replace(|c: char| !c.is_alphanumeric(), "_");
     match store.read::<[LiveError; 2]>(&file)? {
         Some(kept) => Ok(Some(kept)),

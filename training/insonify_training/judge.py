@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from .dataset import HQ, LQ, Dataset, DatasetError
-from .export import grid_of, load_run, on_picture, padded, place
+from .dataset import HQ, LQ, Dataset, DatasetError, Quality
+from .export import ExportError, grid_of, load_run, on_picture, padded, place
 from .quality import pkl, psnr_db, seen_error, ssim
 from .sheets import sample_sheet
+from .visit import named
 
 TEXTURE64 = Path(__file__).resolve().parents[2] / "assets/quality/texture64.onnx"
 # Most that a shipped generator may raise the input's pKL and texture distance.
@@ -76,9 +77,14 @@ def judge(runs, data, device, frames, threads, out):
     """Rows of figures by name, `LQ` first, of runs on one data set."""
     rows = data.split("test")
     rows = rows[:: max(1, len(rows) // frames)][:frames]
+    if not rows:
+        raise DatasetError(f"{data.directory}: no test rows")
     trainers = {}
     for name, folder in runs.items():
         trainer, _ = load_run(folder, data)
+        for key, found in (("lq", data.lq), ("hq", (data.hq,))):
+            if found != Quality.parse_list(getattr(trainer.config, key)):
+                raise DatasetError(f"{data.directory}: {key} is {', '.join(map(str, found))}; {name} learnt from {getattr(trainer.config, key)}")
         trainer.generator.to(device)
         trainers[name] = trainer
     textures = Textures(1)
@@ -145,7 +151,7 @@ def main(argv=None):
     """Entry point of the command."""
     p = argparse.ArgumentParser(prog="insonify-judge", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
-    p.add_argument("--data", action="append", default=[], metavar="NAME=DIR", help="as for `visit`: NAME is that of the folder's plan")
+    p.add_argument("--data", action="append", default=[], type=named, metavar="NAME=DIR", help="as for `visit`: NAME is that of the folder's plan")
     p.add_argument("--out", type=Path, required=True)
     p.add_argument("--frames", type=int, default=32, help="held-out tuples [default: 32]")
     p.add_argument("--threads", type=int, default=2)
@@ -153,10 +159,14 @@ def main(argv=None):
     args = p.parse_args(argv)
     torch.set_num_threads(1)
     args.out.mkdir(parents=True, exist_ok=True)
-    directories = dict(one.split("=", 1) for one in args.data)
+    directories = dict(args.data)
     by_data = {}
     for folder in args.folders:
-        by_data.setdefault(json.loads((folder / "config.json").read_text())["data"], {})[folder.name] = folder
+        try:
+            data = json.loads((folder / "config.json").read_text())["data"]
+        except (OSError, ValueError, KeyError):
+            raise SystemExit(f"{folder}: no folder of `visit`: config.json with the name of its data must be there") from None
+        by_data.setdefault(data, {})[folder.name] = folder
     reports = {}
     for name, runs in by_data.items():
         if name not in directories:
@@ -164,7 +174,7 @@ def main(argv=None):
         try:
             data = Dataset(directories[name], grid_of(next(iter(runs.values()))))
             reports[name] = judge(runs, data, args.device, args.frames, args.threads, args.out)
-        except DatasetError as error:
+        except (DatasetError, ExportError) as error:
             raise SystemExit(str(error)) from None
         print(f"{name}\n\n{table(reports[name])}\n", flush=True)
     (args.out / "judged.json").write_text(json.dumps(reports, indent=1))

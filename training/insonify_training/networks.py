@@ -125,8 +125,8 @@ class StemNet(nn.Module):
     cell; the other interpolates `SMOOTH` channels between cells, without which cells of `stride` pixels are visible.
 
     The first channel is the LQ image. The output is b + g * image: the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels,
-    sets how much of the image's grain is kept. With `grained`, h * grain(image) is added, h as fine as g: it gives a place of any
-    level as much of the image's grain as the target has there. Where the image is black it has no grain to give, and detail that b drew there
+    sets how much of the image's grain is kept. With `grained`, h * grain(image) is added; h has the
+    resolution of g. It gives any place the target's strength of grain, whatever the image's level. Where the image is black it has no grain to give, and detail that b drew there
     would be a lattice of cells: b is smoothed there (`calm`). In evaluation, and where it is exported, `share` of the image
     replaces as much of that output.
     """

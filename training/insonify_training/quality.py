@@ -43,8 +43,8 @@ BLOCK, GRAIN_PATCH = 16, 32
 def seen_error(output, target, mask):
     """What an eye sees of an error, grey levels [n, 3]: the whole, its part of levels and its part of texture.
 
-    The square of the pixels' error is that of the means of blocks, plus that of the detail within them. Speckle's detail is
-    another at every look, so that only its strength counts: the part of texture is the RMS difference of the detail's deviations, patch
+    The square of the pixels' error is that of the means of blocks, plus that of the detail within them. Speckle's detail
+    differs between any two looks, so that only its strength counts: the part of texture is the RMS difference of the detail's deviations, patch
     by patch. The whole is the root of the sum of squares. Blocks and patches with less than half of their pixels inside are left out.
     """
     side, per = BLOCK, GRAIN_PATCH // BLOCK

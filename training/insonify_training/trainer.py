@@ -127,6 +127,9 @@ class Trainer:
         if config.ema > 0:
             with torch.no_grad():
                 torch._foreach_lerp_(list(self.average.parameters()), list(self.generator.parameters()), 1 - config.ema)
+                # Norms follow their statistics in the generator alone.
+                for mean, last in zip(self.average.buffers(), self.generator.buffers()):
+                    mean.copy_(last)
         return seen
 
     def _train_discriminator(self, inputs, fake, real, of_discriminator):

@@ -4,7 +4,7 @@
 
 PLAN is a JSON list of trainings: {"name", "generator", "data", and any numbers of its configuration}. All train side by side; each step
 is a CUDA graph, so that the processor only starts it. The number of steps comes from the pace that is measured first. A folder NAME in FOLDER
-gets checkpoint.pt (the best weights so far, judged on held-out tuples), log.jsonl and config.json. Killed at any time, the best weights stay.
+gets checkpoint.pt (the best weights so far, judged on held-out tuples in the coordinates of the network), log.jsonl and config.json. Killed at any time, the best weights stay.
 """
 
 import argparse
@@ -20,7 +20,9 @@ import torch
 
 from .beam import BeamGrid
 from .dataset import Dataset, DatasetError, Quality
+from .channels import VARIANTS
 from .generators import GENERATORS, Config
+from .losses import GAN
 from .networks import make
 from .quality import pkl, psnr_db, seen_error
 from .resident import Resident
@@ -34,6 +36,8 @@ ROUND_STEPS = 10
 LOOKED_AT, LOOK_S = 12, 20.0
 # Share of the time that the steps are planned for; the rest is for looks.
 PLANNED = 0.93
+# Keys of a configuration that mean nothing here.
+UNUSED = {"steps", "crop", "border", "freeze_from"}
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,16 @@ class Entry:
         unknown = set(row) - {field.name for field in fields(Config)}
         if unknown:
             raise SystemExit(f"plan: {name}: a configuration has no key {sorted(unknown)[0]}")
-        return cls(name, data, replace(GENERATORS[generator], **row))
+        unused = set(row) & UNUSED
+        if unused:
+            raise SystemExit(f"plan: {name}: {sorted(unused)[0]} has no effect here: crops are of whole width, and time sets the steps")
+        config = replace(GENERATORS[generator], **row)
+        for key, known in (("variant", VARIANTS), ("gan", GAN)):
+            if getattr(config, key) not in known:
+                raise SystemExit(f"plan: {name}: {key} is {getattr(config, key)}; it must be one of {', '.join(known)}")
+        if config.norm != "none":
+            raise SystemExit(f"plan: {name}: norm is {config.norm}; only networks without norm are trained here")
+        return cls(name, data, config)
 
 
 class Session:
@@ -137,7 +150,7 @@ class Session:
         row |= {key: round(float(value), 5) for key, value in self.seen.items()}
         with open(out / "log.jsonl", "a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
-        if row["seen"] < self.best or not (out / "checkpoint.pt").exists():
+        if row["seen"] < self.best:
             self.best = row["seen"]
             state = {**self.trainer.weights(), "data_sha256": self.data.sha256()}
             save_checkpoint(out / "checkpoint.pt", state)
@@ -192,27 +205,41 @@ def train(sessions, seconds, out):
 
 def look(sessions, out, began):
     """Judges all sessions and says how they stand."""
-    for session in sessions:
+    for session in list(sessions):
         row = session.look(out / session.entry.name)
         text = "  ".join(f"{key} {row[key]:.2f} ({row[key + '_lq']:.2f})" for key in ("psnr_db", "pkl", "seen", "levels", "texture"))
         gan = f"  D {row['discriminator']:.3f} G {row['gan']:.3f}" if "gan" in row else ""
         print(f"{time.monotonic() - began:5.0f} s {session.entry.name} {row['step']}: {text}{gan}", file=sys.stderr, flush=True)
         if not all(abs(value) < 1e6 for value in row.values()):
-            raise SystemExit(f"{session.entry.name}: the figures are no numbers any more: {row}")
+            print(f"visit: {session.entry.name} ends: its figures are no numbers any more: {row}", file=sys.stderr, flush=True)
+            sessions.remove(session)
+    if not sessions:
+        raise SystemExit("no training is left")
+
+
+def named(text):
+    """Name and folder of `NAME=DIR`."""
+    name, equals, folder = text.partition("=")
+    if not (name and equals and folder):
+        raise argparse.ArgumentTypeError(f"`{text}`; it must be NAME=DIR")
+    return name, folder
 
 
 def open_data(entries, directories, jobs):
     """Data set, training tuples and held-out tuples by name of the entries' data."""
     found = {}
     for entry in entries:
+        with torch.device("meta"):
+            multiple = max(32, make(entry.config.network, 1).padding_multiple)
         if entry.data in found:
+            data, train, _ = found[entry.data]
+            if data.grid != BeamGrid.parse(entry.config.beam) or any(side % multiple for side in train.crop):
+                raise SystemExit(f"plan: {entry.name}: trainings on {entry.data} must have one beam grid and one stride")
             continue
         if entry.data not in directories:
             raise SystemExit(f"plan: {entry.name} takes the data set {entry.data}: --data {entry.data}=DIR is missing")
         data = Dataset(directories[entry.data], BeamGrid.parse(entry.config.beam))
-        with torch.device("meta"):
-            multiple = make(entry.config.network, 1).padding_multiple
-        found[entry.data] = (data, *(Resident(data, split, max(32, multiple), jobs) for split in ("train", "test")))
+        found[entry.data] = (data, *(Resident(data, split, multiple, jobs) for split in ("train", "test")))
     return found
 
 
@@ -220,14 +247,26 @@ def main(argv=None):
     """Entry point of the command."""
     p = argparse.ArgumentParser(prog="insonify-visit", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("plan", type=Path)
-    p.add_argument("--data", action="append", default=[], metavar="NAME=DIR", help="a data set that `insonify dataset` wrote")
+    p.add_argument("--data", action="append", default=[], type=named, metavar="NAME=DIR", help="a data set that `insonify dataset` wrote")
     p.add_argument("--seconds", type=float, required=True, help="budget of the training")
     p.add_argument("--out", type=Path, required=True)
     p.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     p.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that resample tuples [default: one a core]")
     args = p.parse_args(argv)
-    entries = [Entry.of(row) for row in json.loads(args.plan.read_text())]
-    directories = dict(one.split("=", 1) for one in args.data)
+    try:
+        rows = json.loads(args.plan.read_text())
+    except (OSError, ValueError) as error:
+        raise SystemExit(f"{args.plan}: {error}") from None
+    if not isinstance(rows, list) or not rows:
+        raise SystemExit(f"{args.plan}: no JSON list of trainings")
+    entries = [Entry.of(row) for row in rows]
+    names = [entry.name for entry in entries]
+    if len(set(names)) < len(names):
+        raise SystemExit("plan: two trainings have the same name")
+    for name in names:
+        if (args.out / name / "checkpoint.pt").exists():
+            raise SystemExit(f"{args.out / name}: the weights of an earlier run are there: name another --out, or remove it")
+    directories = dict(args.data)
     began = time.monotonic()
     try:
         data = open_data(entries, directories, args.jobs)
@@ -240,17 +279,18 @@ def main(argv=None):
     device = torch.device(args.device)
     torch.backends.cudnn.benchmark = True
     torch.set_float32_matmul_precision("high")
-    sessions = []
     for of in data.values():
         for resident in of[1:]:
             resident.to(device)
+    sessions = []
     for entry in entries:
         of, tuples, tests = data[entry.data]
         (args.out / entry.name).mkdir(parents=True, exist_ok=True)
         sessions.append(Session(entry, of, tuples, held_out(tests, LOOKED_AT), device.type == "cuda"))
     print(f"visit: tuples read in {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
-    train(sessions, args.seconds - (time.monotonic() - began), args.out)
-    return 0
+    going = list(sessions)
+    train(going, args.seconds - (time.monotonic() - began), args.out)
+    return 0 if len(going) == len(sessions) else 1
 
 
 if __name__ == "__main__":

