@@ -46,7 +46,7 @@ macro_rules! generator {
 /// runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// Files of the generators that the station names.
-const GENERATORS: [[(&str, &[u8]); 6]; 2] = [generator!("beam_m_rolling"), generator!("beam_msa")];
+const GENERATORS: [[(&str, &[u8]); 6]; 1] = [generator!("beam_m_rolling")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 
