@@ -93,7 +93,7 @@ pub fn choose_still(
     let mut poses = poses.iter().cycle();
     let mut frame = Frame::default();
     let first = points.first().map(|(quality, _)| *quality);
-    let chosen = search((&points, expected.measure), own, frame_budget_ms, |quality| {
+    let chosen = search(&points, expected.measure, own, frame_budget_ms, |quality| {
         match renderer.reconfigure(probe, &quality.apply(settings, aperture)) {
             Ok(()) => {}
             // The cheapest quality has to work.
@@ -112,11 +112,12 @@ pub fn choose_still(
     Ok(chosen)
 }
 
-/// Chooses among `points`: qualities with their errors in `measure`, by increasing number of paths. Without points it chooses `own`.
-/// `frame_ms` renders a frame and returns its time, ms, or `None` if the device has no room for it. Invalid times are
-/// ignored.
+/// Chooses among `points`: qualities with their errors in `measure`, by increasing number of paths. Without points it
+/// chooses `own`. `frame_ms` renders a frame and returns its time, ms, or `None` if the device has no room for it.
+/// Invalid times are ignored.
 fn search<E>(
-    (points, measure): (&[(FrameQuality, f64)], ErrorMeasure),
+    points: &[(FrameQuality, f64)],
+    measure: ErrorMeasure,
     own: FrameQuality,
     frame_budget_ms: f64,
     mut frame_ms: impl FnMut(FrameQuality) -> Result<Option<f64>, E>,
@@ -148,6 +149,8 @@ fn search<E>(
 
 #[cfg(test)]
 mod tests {
+    use ErrorMeasure::Pixels;
+
     use super::*;
     use crate::transducer::ProbeKind;
 
@@ -160,7 +163,7 @@ mod tests {
     /// Result on a machine that takes 10 ms plus `per_path` ms per path, and the number of frames rendered.
     fn searched(points: &[(FrameQuality, f64)], frame_budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
         let mut frames = 0;
-        let found = search::<()>((points, ErrorMeasure::Pixels), FrameQuality::LQ, frame_budget_ms, |quality| {
+        let found = search::<()>(points, Pixels, FrameQuality::LQ, frame_budget_ms, |quality| {
             frames += 1;
             // The first frame of each quality compiles shaders.
             let warm = if frames % 4 == 1 { 1000.0 } else { 0.0 };
@@ -194,30 +197,22 @@ mod tests {
     #[test]
     fn times_that_are_no_number_are_left_out() {
         let mut frames = 0;
-        let found = search::<()>((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| {
+        let found = search::<()>(&points(), Pixels, FrameQuality::LQ, 40.0, |_| {
             frames += 1;
             Ok(Some(if frames % 4 == 2 { f64::NAN } else { 12.0 }))
         });
         assert_eq!(found.unwrap().frame_ms, Some(12.0));
-        let found =
-            search::<()>((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| Ok(Some(f64::INFINITY)))
-                .unwrap();
+        let found = search::<()>(&points(), Pixels, FrameQuality::LQ, 40.0, |_| Ok(Some(f64::INFINITY))).unwrap();
         assert_eq!((found.quality, found.fits(), found.frame_ms), (FrameQuality::LQ, false, None));
     }
 
     #[test]
     fn a_refused_quality_ends_the_search_and_a_fault_is_handed_on() {
         let found =
-            search::<()>(
-                (&points(), ErrorMeasure::Pixels),
-                FrameQuality::LQ,
-                40.0,
-                |q| Ok((q.rays < 4).then_some(5.0)),
-            )
-            .unwrap();
+            search::<()>(&points(), Pixels, FrameQuality::LQ, 40.0, |q| Ok((q.rays < 4).then_some(5.0))).unwrap();
         assert_eq!((found.quality, found.fits()), (FrameQuality::new(2, 3), true));
         assert_eq!(found.beyond, Some((FrameQuality::new(4, 3), None)));
-        assert_eq!(search((&points(), ErrorMeasure::Pixels), FrameQuality::LQ, 40.0, |_| Err("gone")), Err("gone"));
+        assert_eq!(search(&points(), Pixels, FrameQuality::LQ, 40.0, |_| Err("gone")), Err("gone"));
     }
 
     #[test]
