@@ -5,12 +5,13 @@ import json
 import os
 import pathlib
 import platform
-import re
 import shutil
 import subprocess
 import sys
 import tarfile
 import tempfile
+
+from . import store
 
 # Largest archive, bytes.
 ARCHIVE_MAX = 60_000_000
@@ -74,7 +75,7 @@ def stage(name, root, programs, files):
         for program, path in programs.items():
             shutil.copy(path, folder / program)
             output(["strip", folder / program])
-        for file in [*files, "scripts/measuring/visit.py"]:
+        for file in [*files, "scripts/measuring/visit.py", "scripts/measuring/store.py"]:
             source, target = root / file, folder / file
             target.parent.mkdir(parents=True, exist_ok=True)
             if source.is_dir():
@@ -114,17 +115,10 @@ def environment(root, host=False, **extra):
     return {**names, **extra}
 
 
-def processor():
-    """Name of the processor."""
-    info = pathlib.Path("/proc/cpuinfo")
-    names = re.findall(r"model name\s*: (.*)", info.read_text()) if info.exists() else []
-    return names[0] if names else platform.processor() or platform.machine()
-
-
 def machine():
     """Name of the machine: its GPUs by NVIDIA's tool, if it has any, processor and cores."""
     gpus = []
     if shutil.which("nvidia-smi"):
         asked = ["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"]
         gpus = subprocess.run(asked, capture_output=True, text=True, check=False).stdout.split("\n")
-    return ", ".join([*filter(None, gpus), processor(), f"{os.cpu_count()} cores"])
+    return ", ".join([*filter(None, gpus), store.machine()["processor"], f"{os.cpu_count()} cores"])

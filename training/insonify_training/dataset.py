@@ -134,6 +134,20 @@ class Dataset:
         if shared:
             raise DatasetError(f"{self.directory}: exams in both train and test: {sorted(shared)[:3]}")
 
+    def unlike(self, config):
+        """Name, found and wanted qualities of the first of `lq` and `hq` that isn't the configuration's; None if both are.
+
+        A text of the configuration that is no quality is a ValueError, which begins with its name.
+        """
+        for name, found in (("lq", self.lq), ("hq", (self.hq,))):
+            try:
+                wanted = Quality.parse_list(getattr(config, name))
+            except ValueError as error:
+                raise ValueError(f"{name} {error}") from None
+            if found != wanted:
+                return name, found, wanted
+        return None
+
     def _scans(self, described, header):
         """Scan of each station, by its file."""
         try:

@@ -102,6 +102,13 @@ def run_onnx(session, inputs, multiple, outside):
     )[(..., *at)]
 
 
+@torch.no_grad()
+def run_torch(network, inputs, outside, device="cpu"):
+    """Output [n, 1, h, w] of a network on `device` for inputs of any size, padded as in the station."""
+    _, at = place(inputs.shape[-2:], network.padding_multiple)
+    return network(padded(inputs, network.padding_multiple, outside).to(device)).cpu()[(..., *at)]
+
+
 def session(path, threads=2):
     """An ONNX Runtime session on the CPU."""
     import onnxruntime

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from .dataset import HQ, LQ, Dataset, DatasetError, Quality
-from .export import ExportError, grid_of, load_run, on_picture, padded, place
+from .dataset import HQ, LQ, Dataset, DatasetError
+from .export import ExportError, grid_of, load_run, on_picture, run_torch
 from .quality import pkl, psnr_db, seen_error, ssim
 from .sheets import sample_sheet
 from .visit import named
@@ -82,9 +82,10 @@ def judge(runs, data, device, frames, threads, out):
     trainers = {}
     for name, folder in runs.items():
         trainer, _ = load_run(folder, data)
-        for key, found in (("lq", data.lq), ("hq", (data.hq,))):
-            if found != Quality.parse_list(getattr(trainer.config, key)):
-                raise DatasetError(f"{data.directory}: {key} is {', '.join(map(str, found))}; {name} learnt from {getattr(trainer.config, key)}")
+        unlike = data.unlike(trainer.config)
+        if unlike:
+            key, found, wanted = (part if isinstance(part, str) else ", ".join(map(str, part)) for part in unlike)
+            raise DatasetError(f"{data.directory}: {key} is {found}; {name} learnt from {wanted}")
         trainer.generator.to(device)
         trainers[name] = trainer
     textures = Textures(1)
@@ -97,10 +98,7 @@ def judge(runs, data, device, frames, threads, out):
         made = {"LQ": lq}
         for name, trainer in trainers.items():
             inputs, _, within = trainer.encode(planes, mask)
-            multiple = trainer.generator.padding_multiple
-            with torch.no_grad():
-                output = trainer.generator(padded(inputs, multiple, trainer.encode.outside).to(device)).cpu()
-            output = (output[(..., *place(inputs.shape[-2:], multiple)[1])].clamp(0, 1) * within)[0, 0]
+            output = (run_torch(trainer.generator, inputs, trainer.encode.outside, device).clamp(0, 1) * within)[0, 0]
             if data.grid:
                 output = on_picture(trainer.config, data.sampling(row), output.numpy(), np.asarray(pictures[LQ]))
             made[name] = np.round(255 * np.asarray(output)) / 255 * inside

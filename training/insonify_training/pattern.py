@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from .dataset import HQ, LQ, Dataset, DatasetError
-from .export import ExportError, grid_of, load_run, padded, place
+from .export import ExportError, grid_of, load_run, run_torch
 from .quality import blur_matrix
 
 PERIOD, TILE = 8, 64
@@ -66,10 +66,8 @@ def main(argv=None):
             sums[name] += variances(torch.from_numpy(planes[plane]).float(), inside)
         for name, trainer in trainers.items():
             inputs, _, _ = trainer.encode(planes[None], np.array(mask)[None, None])
-            multiple = trainer.generator.padding_multiple
-            with torch.no_grad():
-                output = trainer.generator(padded(inputs, multiple, trainer.encode.outside))
-            made = output[(0, 0, *place(mask.shape, multiple)[1])].clamp(0, 1) * 255 * inside
+            output = run_torch(trainer.generator, inputs, trainer.encode.outside)
+            made = output[0, 0].clamp(0, 1) * 255 * inside
             sums[name] += variances(made, inside)
     for name, (pattern, detail) in sums.items():
         print(f"{name:16} {100 * pattern / detail if detail else 0:5.2f} % of the fine detail stands still in {PERIOD} x {PERIOD} px")

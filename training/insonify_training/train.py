@@ -16,7 +16,7 @@ import torch
 
 from .beam import BeamGrid
 from .channels import VARIANTS
-from .dataset import LQ, Crops, Dataset, DatasetError, Quality
+from .dataset import LQ, Crops, Dataset, DatasetError
 from .losses import GAN
 from .networks import NORMS, make
 from .patches import PATCH
@@ -28,6 +28,8 @@ from .trainer import Trainer, read_checkpoint, save_checkpoint
 # Seed and number of the test crops of the log, the same for every run.
 TEST_SEED, TEST_CROPS = 20260, 16
 STOPPED = 130
+# Values of a configuration's keys that are names.
+CHOICES = {"variant": list(VARIANTS), "norm": list(NORMS), "gan": list(GAN)}
 
 
 def parser():
@@ -57,8 +59,7 @@ def configure(args):
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     generator = GENERATORS[args.generator] if args.trial is None else GENERATORS[args.generator].trial(args.trial)
     config = replace(generator, **{k: v for k, v in given.items() if v is not None})
-    choices = {"variant": list(VARIANTS), "norm": list(NORMS), "gan": list(GAN)}
-    for name, known in choices.items():
+    for name, known in CHOICES.items():
         if getattr(config, name) not in known:
             raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
     try:
@@ -87,17 +88,17 @@ def configure(args):
 
 def check_quality(config, data):
     """Refuses a data set whose frames are rendered otherwise than the configuration says."""
-    for name, found in (("lq", data.lq), ("hq", (data.hq,))):
-        try:
-            wanted = Quality.parse_list(getattr(config, name))
-        except ValueError as error:
-            raise SystemExit(f"--{name} {error}") from None
-        if found != wanted:
-            given = ",".join(f"{q.rays}x{q.layers}x{q.angles}" for q in found)
-            raise SystemExit(
-                f"{data.directory}: {name} is {', '.join(map(str, found))}, the generator wants {', '.join(map(str, wanted))}: "
-                f"name another data set, or --{name} {given}"
-            )
+    try:
+        unlike = data.unlike(config)
+    except ValueError as error:
+        raise SystemExit(f"--{error}") from None
+    if unlike:
+        name, found, wanted = unlike
+        given = ",".join(f"{q.rays}x{q.layers}x{q.angles}" for q in found)
+        raise SystemExit(
+            f"{data.directory}: {name} is {', '.join(map(str, found))}, the generator wants {', '.join(map(str, wanted))}: "
+            f"name another data set, or --{name} {given}"
+        )
 
 
 class Run:

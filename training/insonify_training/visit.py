@@ -19,13 +19,12 @@ from pathlib import Path
 import torch
 
 from .beam import BeamGrid
-from .dataset import Dataset, DatasetError, Quality
-from .channels import VARIANTS
+from .dataset import Dataset, DatasetError
 from .generators import GENERATORS, Config
-from .losses import GAN
 from .networks import make
 from .quality import pkl, psnr_db, seen_error
-from .resident import Resident
+from .resident import BORDER, Resident
+from .train import CHOICES
 from .trainer import Trainer, save_checkpoint
 
 # Steps before the pace is measured: the first choose algorithms.
@@ -36,6 +35,8 @@ ROUND_STEPS = 10
 LOOKED_AT, LOOK_S = 12, 20.0
 # Share of the time that the steps are planned for; the rest is for looks.
 PLANNED = 0.93
+# Exit code if a training ended early, and others did not.
+ENDED = 3
 # Keys of a configuration that mean nothing here.
 UNUSED = {"steps", "crop", "border", "freeze_from"}
 
@@ -65,7 +66,7 @@ class Entry:
         if unused:
             raise SystemExit(f"plan: {name}: {sorted(unused)[0]} has no effect here: crops are of whole width, and time sets the steps")
         config = replace(GENERATORS[generator], **row)
-        for key, known in (("variant", VARIANTS), ("gan", GAN)):
+        for key, known in CHOICES.items():
             if getattr(config, key) not in known:
                 raise SystemExit(f"plan: {name}: {key} is {getattr(config, key)}; it must be one of {', '.join(known)}")
         if config.norm != "none":
@@ -162,8 +163,8 @@ def held_out(resident, count):
     """Planes and mask [1, ., h, w] of up to `count` held-out tuples, evenly spread, without mirroring."""
     step = max(1, len(resident) // count)
     chosen = resident.store[::step][:count]
-    height, width = resident.crop
-    cut = chosen[:, :, : height + 32, 16 : 16 + width][:, :, 32:]
+    (height, width), (down, across) = resident.crop, BORDER
+    cut = chosen[:, :, down : down + height, across : across + width]
     return [(one[None, :4], one[None, 4:]) for one in cut]
 
 
@@ -271,10 +272,10 @@ def main(argv=None):
     try:
         data = open_data(entries, directories, args.jobs)
         for entry in entries:
-            for name, given in (("lq", data[entry.data][0].lq), ("hq", (data[entry.data][0].hq,))):
-                if given != Quality.parse_list(getattr(entry.config, name)):
-                    raise SystemExit(f"plan: {entry.name}: {name} of {entry.data} is {', '.join(map(str, given))}")
-    except DatasetError as error:
+            unlike = data[entry.data][0].unlike(entry.config)
+            if unlike:
+                raise SystemExit(f"plan: {entry.name}: {unlike[0]} of {entry.data} is {', '.join(map(str, unlike[1]))}")
+    except (DatasetError, ValueError) as error:
         raise SystemExit(str(error)) from None
     device = torch.device(args.device)
     torch.backends.cudnn.benchmark = True
@@ -290,7 +291,7 @@ def main(argv=None):
     print(f"visit: tuples read in {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
     going = list(sessions)
     train(going, args.seconds - (time.monotonic() - began), args.out)
-    return 0 if len(going) == len(sessions) else 1
+    return 0 if len(going) == len(sessions) else ENDED
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from insonify_training.losses import dissimilarity, grid, patch_divergence, soft_histogram
+from insonify_training.losses import discriminator_hinge, dissimilarity, generator_hinge, grid, patch_divergence, soft_histogram
 from insonify_training.patches import BINS, PATCH, PSEUDO_COUNT, patches
 from insonify_training.quality import pkl, similarity_map
 
@@ -54,6 +54,13 @@ def test_black_patches_are_ignored():
     assert patch_divergence(target, torch.zeros_like(target), 0) == 0
     half = patch_divergence(picture(2, spread=0.5), target, 0)
     assert half == pytest.approx(float(patch_divergence(picture(2, spread=0.5)[..., PATCH:], target[..., PATCH:], 0)))
+
+
+def test_the_hinge_is_0_beyond_the_margins_alone():
+    far, near = torch.tensor([1.5, 3.0]), torch.tensor([0.25, 0.75])
+    assert discriminator_hinge(far, -far) == 0
+    assert discriminator_hinge(near, -near) == pytest.approx(0.5) and discriminator_hinge(-far, far) == pytest.approx(3.25)
+    assert generator_hinge(near) == pytest.approx(-0.5)
 
 
 def test_pkl_equals_numpys():

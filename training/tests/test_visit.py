@@ -103,6 +103,18 @@ def test_trainings_side_by_side_leave_the_best_weights(data_dir, tmp_path, monke
         judge.main([str(tmp_path), "--data", f"set={data_dir}", "--out", str(out)])
 
 
+def test_worse_weights_do_not_replace_better_ones(data_dir, tmp_path):
+    entry = visit.Entry.of({**SMALL, "name": "a"})
+    data, train, test = visit.open_data([entry], {"set": data_dir}, 1)["set"]
+    session = visit.Session(entry, data, train, visit.held_out(test, 2), False)
+    session.look(tmp_path)
+    with torch.no_grad():
+        session.trainer.generator.head[0].bias.add_(5.0)
+    session.trainer.step = 7
+    session.look(tmp_path)
+    assert read_checkpoint(tmp_path / "checkpoint.pt")["step"] == 0 and len(read_log(tmp_path / "log.jsonl")) == 2
+
+
 @pytest.mark.parametrize(
     ("row", "word"),
     [
@@ -138,6 +150,20 @@ def test_grain_is_of_one_strength_at_any_level():
     bright, dark = grain(0.5 + 0.4 * noise), grain(0.2 + 0.2 * noise)
     assert bright.std() == pytest.approx(float(dark.std()), rel=0.1) and 0.7 < bright.std() < 1.3
     assert (grain(torch.zeros(1, 1, 16, 16)) == 0).all() and grain(torch.full((1, 1, 16, 16), 0.6)).abs().max() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["grain8", "grain4"])
+def test_a_network_with_grain_draws_no_lattice_in_the_dark(name):
+    torch.manual_seed(1)
+    network = make(name, 2).eval()
+    with torch.no_grad():
+        # A pattern of the cell that any place gets.
+        network.head[0].bias.add_(0.2 * torch.randn_like(network.head[0].bias))
+        image = torch.zeros(1, 1, 128, 128)
+        image[..., 64:] = 0.5
+        output = network(torch.cat([image, torch.ones_like(image)], 1))[0, 0]
+    dark, bright = output[32:96, 16:40], output[32:96, 88:112]
+    assert dark.std() < 0.02 and bright.std() > 0.1
 
 
 @pytest.mark.parametrize("name", ["grain8", "grain4"])
