@@ -82,6 +82,7 @@ Environment:
   INSONIFY_BACKEND where frames are made: auto, host or device (--backend overrides it, it overrides the station)
   INSONIFY_CACHE   where generated scenes are kept (default: insonify/ in the user's cache directory)
   INSONIFY_TRACE   how a device traces: path or lanes, a path by one thread or by eight (default: what was measured to be faster)
+  INSONIFY_SIMD    widest vector instructions of the host: portable, avx2 or avx512 (default: the processor's widest)
   WGPU_BACKEND     which graphics interface a device is opened by: vulkan, metal, dx12 or gl
   ORT_DYLIB_PATH   ONNX Runtime's library, for generators (default: where scripts/setup puts it)
   RUST_LOG         what to log to stderr, for example insonify=debug, or insonify_render=debug for one crate";

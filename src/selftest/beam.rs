@@ -43,12 +43,18 @@ fn post_line(i: usize) -> u32 {
     (2 * i as u32 + 1) * fan().scanlines / (2 * posts)
 }
 
+/// Middle of the sample that holds a depth, mm. An echo there has the length of the pulse: between samples it is longer.
+fn middle_of_sample_mm(depth_mm: f64) -> f64 {
+    let spacing_mm = fan().sample_spacing_mm();
+    ((depth_mm / spacing_mm).floor() + 0.5) * spacing_mm
+}
+
 impl Beam {
     pub(super) fn new(bench: &mut Bench) -> Self {
         let (posts, edge) = (bench.place(), bench.place());
         let target = bench.tissue(silent(1540.0, 1.7));
         for (i, &depth) in POSTS_MM.iter().enumerate() {
-            bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), depth, 300.0));
+            bench.add(target, 1, post(posts.extend(0.0), &fan(), post_line(i), middle_of_sample_mm(depth), 300.0));
         }
         // The slab's edge lies at y = 0 of the specimen's position.
         bench.add(target, 1, slab(edge + DVec2::new(0.0, 20.0), 20.0, EDGE_MM, 45.0));

@@ -155,7 +155,9 @@ impl Family for Speckle {
         }
 
         let lossy = rig.frame(&probe, &settings, &at(self.lossy.x, self.lossy.y, 0.0))?;
-        let centre_cm = |band: usize| 0.1 * probe.depth_mm * (band as f64 + 0.5) / BANDS as f64;
+        // Whole samples to a band: the last samples may be left over.
+        let band_cm = 0.1 * probe.sample_spacing_mm() * (probe.sample_count() as usize / BANDS) as f64;
+        let centre_cm = |band: usize| band_cm * (band as f64 + 0.5);
         let points: Vec<_> = bands(&probe, lossy, BANDS)
             .into_iter()
             .enumerate()

@@ -246,21 +246,18 @@ fn without_a_driver_frames_are_made_on_the_host() {
 }
 
 #[test]
-fn an_unknown_way_of_trace_is_refused() {
+fn an_unknown_way_of_trace_and_unknown_instructions_are_refused() {
     let dir = directory();
     let station = station(&dir, SMALL);
-    let mut command = program::program(&[
-        "render",
-        text(&station),
-        ORIGIN[0],
-        ORIGIN[1],
-        "--backend",
-        "host",
-        "--out",
-        text(&dir.path().join("out")),
-    ]);
-    let output = command.env("INSONIFY_TRACE", "gpu").output().unwrap();
-    refused(&output, &["INSONIFY_TRACE: `gpu` is no way of trace; they are path, lanes"]);
+    let out = dir.path().join("out");
+    let arguments = ["render", text(&station), ORIGIN[0], ORIGIN[1], "--backend", "host", "--out", text(&out)];
+    let with = |name: &str, value: &str| program::program(&arguments).env(name, value).output().unwrap();
+    refused(&with("INSONIFY_TRACE", "gpu"), &["INSONIFY_TRACE: `gpu` is no way of trace; they are path, lanes"]);
+    let expected = "INSONIFY_SIMD: `sse` names no instructions; they are portable, avx2, avx512";
+    refused(&with("INSONIFY_SIMD", "sse"), &[expected]);
+    succeeded(&with("INSONIFY_SIMD", "portable"));
+    let record = std::fs::read_to_string(out.join("frame.json")).unwrap();
+    assert!(record.contains(&format!("threads, {}", std::env::consts::ARCH)), "{record}");
 }
 
 #[test]

@@ -22,7 +22,9 @@ use insonify::anatomy::{Bvh, Scene};
 use insonify::phantom::{PhantomOptions, build, movement};
 use insonify::pose::Pose;
 use insonify::quality::{Pair, ssim};
-use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer, TraceBy};
+use insonify::render::{
+    Backend, BackendChoice, Choice, Effect, Frame, Instructions, RenderSettings, Renderer, TraceBy,
+};
 use insonify::sink::png::{Effort, write_grey};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
@@ -315,6 +317,18 @@ fn frames_of_the_host_equal_the_committed_ones_bit_for_bit() {
     let moved: Vec<String> = found.pictures.iter().filter_map(moved).collect();
     assert!(moved.is_empty(), "frames of the host moved by more than rounding: {moved:#?}");
     check(&found, &committed().0, "the host");
+}
+
+#[test]
+fn frames_of_the_host_are_the_same_with_narrower_instructions() {
+    let of_processor = Instructions::of_processor();
+    for narrower in Instructions::ALL.into_iter().filter(|&narrower| narrower < of_processor) {
+        narrower.limit().unwrap();
+        let host = Backend::open(BackendChoice::Host).unwrap();
+        let found = render("host", &host);
+        of_processor.limit().unwrap();
+        check(&found, &committed().0, &format!("the host with {}", narrower.name()));
+    }
 }
 
 #[test]

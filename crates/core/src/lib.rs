@@ -29,7 +29,7 @@
 //! | [`acoustics`] | formulas in f64: interfaces, attenuation, decibels, pulse, beam |
 //! | [`settings`](mod@settings) | every setting once: key, unit, range, default, and what a change requires |
 //! | [`files`], [`statistics`], [`random`], [`names`], [`suggest`] | size limits of reading, moments, random numbers, names of enums, spelling |
-//! | [`lanes`], [`simd`] | jobs on several threads, loops on vectors |
+//! | [`lanes`], [`simd`], [`instructions`] | jobs on several threads, loops on vectors, vector instructions in use |
 //!
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz. The unit is in the name.
 
@@ -56,3 +56,5 @@ pub mod suggest;
 pub mod names;
 
 pub mod simd;
+
+pub mod instructions;

@@ -17,8 +17,8 @@ macro_rules! widened_to_eight {
                 fn with_avx2($($argument: $kind),*) {
                     $body($($argument),*);
                 }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: the CPU has AVX2.
+                if $crate::instructions::Instructions::widest() >= $crate::instructions::Instructions::Avx2 {
+                    // SAFETY: the processor has AVX2.
                     return unsafe { with_avx2($($argument),*) };
                 }
             }
@@ -42,8 +42,8 @@ macro_rules! widened {
                 fn with_avx512($($argument: $kind),*) {
                     $body($($argument),*);
                 }
-                if $crate::simd::has_avx512() {
-                    // SAFETY: the CPU has these parts of AVX-512.
+                if $crate::instructions::Instructions::widest() == $crate::instructions::Instructions::Avx512 {
+                    // SAFETY: the processor has these parts of AVX-512.
                     return unsafe { with_avx512($($argument),*) };
                 }
             }
@@ -53,15 +53,6 @@ macro_rules! widened {
     };
 }
 pub use widened;
-
-/// Whether the CPU has the parts of AVX-512 that [`widened`] uses.
-#[cfg(target_arch = "x86_64")]
-pub fn has_avx512() -> bool {
-    is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vl")
-}
 
 /// Asks the processor to load a value into its cache, if it can.
 #[inline(always)]

@@ -11,9 +11,13 @@
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> line_gains: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> baseband: array<vec2<f32>>;
+// Weights of an echo on the four samples around it, for even steps from one sample to the next. Read if BETWEEN.
+@group(0) @binding(8) var<uniform> delays: array<vec4<f32>, DELAY_STEPS + 1u>;
 
 // Whether the aperture gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
+// Whether an echo is spread over the samples around it; else it lies at the nearest one.
+override BETWEEN: bool = false;
 
 // Loss of a path from the face to the start of a depth interval, on its segments up to index `arrived`.
 fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
@@ -54,26 +58,47 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     return gain_at(line, position) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
-// An echo: its sample, and the value to add there. `sample` is NO_SAMPLE beyond the last sample, and without amplitude.
+// An echo: its value, and the first of the TAPS samples to which it is added with `weights`. Samples beyond the row's
+// ends take nothing. `sample` is NO_SAMPLE for an echo beyond the row, and for one without amplitude.
 struct Echo {
-    sample: u32,
+    sample: i32,
     value: vec2<f32>,
+    weights: vec4<f32>,
 }
 
-const NO_SAMPLE: u32 = 0xffffffffu;
+const NO_SAMPLE: i32 = 0x7fffffff;
+
+// Number of samples to which an echo is added.
+fn taps() -> i32 {
+    return select(1, 4, BETWEEN);
+}
+
+// Whether a sample lies in the row.
+fn in_row(sample: i32) -> bool {
+    return sample >= 0 && sample < i32(params.samples);
+}
 
 // Echo of the interface at the start of a segment, times `weight`.
 fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
     let echo = echoes[path * SEGMENTS + segment];
     let sample = echo.y / params.sample_spacing_mm;
     if echo.x == 0.0 || sample < 0.0 || sample >= f32(params.samples) {
-        return Echo(NO_SAMPLE, vec2<f32>(0.0));
+        return Echo(NO_SAMPLE, vec2<f32>(0.0), vec4<f32>(0.0));
     }
     var amplitude = weight * echo.x;
     if APERTURE && !has_reflected(path, segment - 1u) {
         amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
     }
-    return Echo(u32(sample), amplitude * phasor(-params.phase_turns_per_mm * echo.y));
+    let value = amplitude * phasor(-params.phase_turns_per_mm * echo.y);
+    if !BETWEEN {
+        return Echo(i32(sample), value, vec4<f32>(1.0));
+    }
+    // Samples are centred half a spacing after their number.
+    let before = floor(sample - 0.5);
+    let step = (sample - 0.5 - before) * f32(DELAY_STEPS);
+    let low = min(u32(step), DELAY_STEPS - 1u);
+    let weights = mix(delays[low], delays[low + 1u], step - f32(low));
+    return Echo(i32(before) - 1, value, weights);
 }
 
 // Number of echoes of a path: one at the start of each segment but the first.

@@ -86,13 +86,15 @@ fn convert(position: u32, map_position: u32, percentile_np: f32) -> Pixel {
     let depth = at.y;
     let line = clamp(across * f32(params.scanlines) - 0.5, 0.0, f32(params.scanlines - 1u));
     let sample = clamp(depth * f32(params.samples) - 0.5, 0.0, f32(params.samples - 1u));
-    let sample0 = u32(i32(sample));
-    let row0 = u32(i32(line)) * params.row_samples;
-    let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * params.row_samples;
-    let along = fract(sample);
-    // A word holds a sample and the next one; at the last sample, `along` is 0.
-    let a = unpack2x16unorm(polar[row0 + sample0]);
-    let b = unpack2x16unorm(polar[row1 + sample0]);
+    let level = sample * f32(params.levels_per_sample);
+    let level0 = u32(i32(level));
+    let row_levels = params.row_samples * params.levels_per_sample;
+    let row0 = u32(i32(line)) * row_levels;
+    let row1 = min(u32(i32(line)) + 1u, params.scanlines - 1u) * row_levels;
+    let along = fract(level);
+    // A word holds a level and the next one; at the last sample, `along` is 0.
+    let a = unpack2x16unorm(polar[row0 + level0]);
+    let b = unpack2x16unorm(polar[row1 + level0]);
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
     let inside = position != OUTSIDE;
     if !MAPS {

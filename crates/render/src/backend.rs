@@ -3,6 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use insonify_core::instructions::Instructions;
 pub use insonify_core::settings::{BackendChoice, UnknownBackend, UnknownBackendVariable};
 
 use super::compute_device::ComputeDevice;
@@ -28,13 +29,15 @@ impl Backend {
     /// Opens the backend that `choice` asks for.
     ///
     /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the graphics
-    /// interfaces (Vulkan, Metal, …). `INSONIFY_TRACE` chooses how the device runs the pass `trace`.
+    /// interfaces (Vulkan, Metal, …). `INSONIFY_TRACE` chooses how the device runs the pass `trace`. `INSONIFY_SIMD` limits
+    /// the vector instructions of the host.
     ///
     /// # Errors
     /// With `Device`: no driver, a driver that refuses a device, or a build without the feature `gpu`. `Auto` then
-    /// falls back to the host, and warns if a driver fails. An unknown value of `INSONIFY_TRACE`, or one that the
-    /// device can't run.
+    /// falls back to the host, and warns if a driver fails. An unknown value of `INSONIFY_TRACE` or `INSONIFY_SIMD`, or
+    /// one that the device or processor can't run.
     pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
+        Instructions::limit_by_environment().map_err(BackendError::Instructions)?;
         let trace = TraceBy::from_environment().map_err(BackendError::Trace)?;
         let opened = |gpu: Gpu| match trace {
             Some(by) => Ok(Self(Kind::Device(Box::new(gpu.tracing_by(by)?)))),

@@ -27,6 +27,8 @@ pub(crate) const ROW_ALIGN: u32 = 16;
 const _: () = assert!(ROW_ALIGN == DEPTH_BLOCK, "rows are whole blocks");
 /// Zeros before and after the pulse, so that one loop can compute eight output samples.
 pub(crate) const PULSE_PAD: u32 = 8;
+/// Steps between two samples for which the weights of an echo's place are stored.
+pub(crate) const DELAY_STEPS: u32 = 32;
 /// Half width of the widest lateral kernel, scanlines.
 pub(crate) const LATERAL_HALF_MAX: u32 = BEAM_TAPS_MAX / 2;
 /// Half width of the widest axial kernel, samples.

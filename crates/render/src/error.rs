@@ -1,6 +1,7 @@
 //! Errors of renderers.
 
 use insonify_core::anatomy::BvhError;
+use insonify_core::instructions::WrongInstructions;
 use insonify_core::settings::SettingsError;
 use thiserror::Error;
 
@@ -36,6 +37,9 @@ pub enum BackendError {
     /// An unknown value of `INSONIFY_TRACE`.
     #[error(transparent)]
     Trace(UnknownTrace),
+    /// A value of `INSONIFY_SIMD` that the processor can't follow.
+    #[error(transparent)]
+    Instructions(WrongInstructions),
     /// Tracing by lanes was asked for, but the device can't do it.
     #[error("{adapter} can't trace by lanes: {reason}; unset INSONIFY_TRACE, or set it to `path`")]
     NoLanes {

@@ -8,6 +8,7 @@ use insonify_core::transducer::{Probe, ProbeKind};
 use rayon::prelude::*;
 
 use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PROJECTION_MIN, PULSE_PAD};
+use super::fractional_delay::{TAPS, delay_weights};
 use super::lateral_beam::LateralBeam;
 use super::sheets::Sheets;
 
@@ -69,7 +70,11 @@ pub(crate) struct Kernels {
     pub(crate) lateral_half: u32,
     /// Envelope of the pulse [2·axial_half + 1], 1 at its peak, between PULSE_PAD zeros on either side.
     pub(crate) pulse: Vec<f32>,
+    /// Weights of the same samples midway between the middle sample and the next one, laid out like `pulse`.
+    pub(crate) midway: Vec<f32>,
     pub(crate) axial_half: u32,
+    /// Weights of an echo between two samples [DELAY_STEPS + 1]: see [`delay_weights`].
+    pub(crate) delays: Vec<[f32; TAPS]>,
     /// Gain of the scatterers [blocks]: keeps speckle at the tissue's level after both kernels, at every depth.
     pub(crate) scatterer_gain: Vec<f32>,
     pub(crate) clipped: Vec<ClippedKernel>,
@@ -83,6 +88,8 @@ impl Kernels {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max), reach);
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
+        let sigma = probe.axial_sigma_mm() / probe.sample_spacing_mm();
+        let midway = midway(axial_half, sigma);
         let correlation = match sheets {
             Some(sheets) => ScattererCorrelation::new(sheets.shared()),
             None => {
@@ -103,7 +110,9 @@ impl Kernels {
             power: kernels.chunks_exact(width).map(|k| k.iter().map(|w| w * w).sum::<f64>() as f32).collect(),
             lateral_half,
             pulse: padded(&pulse),
+            midway: padded(&midway),
             axial_half,
+            delays: if probe.levels_per_sample() == 2 { delay_weights(sigma) } else { Vec::new() },
             scatterer_gain,
             clipped: clipped_beam.into_iter().chain(clipped_pulse).collect(),
         }
@@ -189,6 +198,13 @@ fn pulse(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
         value: probe.sample_count(),
     });
     (half, gaussian(half, sigma), clipped)
+}
+
+/// The Gaussian of [`gaussian`] half a sample later. The first tap, which has no counterpart on the other side, is 0.
+fn midway(half: u32, sigma: f64) -> Vec<f64> {
+    let offset = |tap: u32| f64::from(tap) - f64::from(half) - 0.5;
+    let weight = |tap: u32| if tap == 0 { 0.0 } else { (-0.5 * (offset(tap) / sigma).powi(2)).exp() };
+    (0..=2 * half).map(weight).collect()
 }
 
 /// The pulse between PULSE_PAD zeros on either side.
@@ -305,6 +321,25 @@ mod tests {
         assert_eq!(long.axial_half, AXIAL_HALF_MAX);
         let cut = long.clipped.iter().find(|c| c.kernel == Kernel::Axial).expect("a pulse that is cut");
         assert!(cut.wanted > cut.kept && cut.to_string().contains("probe.samples (now 8192)"), "{cut}");
+    }
+
+    #[test]
+    fn the_pulse_midway_is_symmetric_and_nearly_as_strong_as_at_the_samples() {
+        for spacing in [1.0, 1.25, 1.5] {
+            let sigma = 1.0 / spacing;
+            let half = (AXIAL_REACH * sigma).ceil() as u32;
+            let (at, midway) = (gaussian(half, sigma), midway(half, sigma));
+            assert_eq!((midway.len(), midway[0]), (at.len(), 0.0));
+            for tap in 1..midway.len() {
+                assert!((midway[tap] - midway[midway.len() - tap]).abs() < 1e-12, "{tap}");
+            }
+            // Poisson's sum over the squared Gaussian: its first harmonic is 2·exp(−(π·σ/Δ)²).
+            let harmonic = 2.0 * (-(std::f64::consts::PI * sigma).powi(2)).exp();
+            let power = |taps: &[f64]| taps.iter().map(|w| w * w).sum::<f64>();
+            let expected = (1.0 - harmonic) / (1.0 + harmonic);
+            assert!((power(&midway) / power(&at) - expected).abs() < 1e-3, "{spacing}");
+            assert!(expected > 0.95, "{spacing}: {expected}");
+        }
     }
 
     #[test]

@@ -48,6 +48,8 @@ mod device;
 mod device;
 mod elevation;
 mod error;
+mod fractional_delay;
+
 mod frame;
 mod frame_quality;
 mod hooks;
@@ -90,6 +92,7 @@ pub use hooks::TestHooks;
 pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
+pub use insonify_core::instructions::{Instructions, WrongInstructions};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::{Job, Renderer};

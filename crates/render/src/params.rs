@@ -136,7 +136,8 @@ pub(crate) struct Params {
     pub(crate) line_turns: f32,
     /// Number of paths of each scanline that follow reflections: all of them, or fewer.
     pub(crate) reflecting_paths: u32,
-    pub(crate) padding: u32,
+    /// Grey levels that `detect` makes of each sample: 1, or 2 if one lies midway to the next sample.
+    pub(crate) levels_per_sample: u32,
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of the section `[image]`.
     pub(crate) image: ImageUniforms,
@@ -218,7 +219,7 @@ impl Params {
             steer_shift_mm: 0.0,
             line_turns: line_turns(probe),
             reflecting_paths: settings.reflecting_paths(),
-            padding: 0,
+            levels_per_sample: if tables.kernels.axial_half == 0 { 1 } else { probe.levels_per_sample() },
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
@@ -267,6 +268,12 @@ impl Params {
     #[inline(always)]
     pub(crate) fn outside(&self, depth_mm: f32) -> u32 {
         if depth_mm > self.film_mm { self.beyond } else { self.background }
+    }
+
+    /// Number of grey levels per row in memory.
+    #[inline(always)]
+    pub(crate) fn row_levels(&self) -> u32 {
+        self.row_samples.wrapping_mul(self.levels_per_sample)
     }
 
     /// Whether the receiver adds noise, clutter or reverberation to the lines.

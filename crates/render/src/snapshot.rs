@@ -112,7 +112,7 @@ pub struct Snapshot {
     pub received: Vec<DVec2>,
     /// `detect`: `received` after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
-    /// `detect`: grey levels [scanlines × samples].
+    /// `detect`: grey levels [scanlines × samples × levels per sample].
     pub grey: Vec<f64>,
     /// `section`: stretches of media along the map rays, and their raster.
     pub sections: Sections,
@@ -145,7 +145,8 @@ impl Snapshot {
             rows.into_iter().map(|[re, im]| DVec2::new(re.into(), im.into())).collect()
         };
         let mut polar = Vec::new();
-        unpad(&mut polar, &buffers.polar, params.samples as usize, params.row_samples as usize);
+        let levels = (params.samples * params.levels_per_sample) as usize;
+        unpad(&mut polar, &buffers.polar, levels, params.row_levels() as usize);
         let rays = buffers.entries.chunks_exact(ENTRIES as usize).zip(&buffers.entry_counts);
         let runs = rays.map(|(runs, &count)| runs[..count as usize].iter().map(run_from).collect());
         let point = |word: &u32| RasterPoint {

@@ -70,8 +70,8 @@ const DAMAGES: [Damage; 26] = [
     (
         "pulse of half the step",
         "detect",
-        "tap(index + 1), tap(index)",
-        "tap(2 * index + 1 - half - PULSE_PAD), tap(2 * index - half - PULSE_PAD)",
+        "= tap(index + i);",
+        "= tap(2 * (index + i) - half - PULSE_PAD);",
         "Point spread",
     ),
     ("beam of one depth everywhere", "lateral", "let block = first >> BLOCK_SHIFT;", "let block = 0u;", "Point spread"),

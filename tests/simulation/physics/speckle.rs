@@ -205,7 +205,8 @@ fn speckle_decays_at_twice_the_one_way_loss() {
                 *sum += mean_square(lines.into_iter().flatten());
             }
         }
-        let depth_cm = |band: usize| 15.0 * (band as f64 + 0.5) / bands as f64;
+        let band_cm = rig.probe.sample_spacing_mm() / 10.0 * (rig.probe.sample_count() as usize / bands) as f64;
+        let depth_cm = |band: usize| band_cm * (band as f64 + 0.5);
         let points: Vec<_> = power.iter().enumerate().map(|(b, p)| (depth_cm(b), 10.0 * p.log10())).collect();
         let (slope, error) = slope(&points);
         let want = -2.0 * 10.0 * attenuation_db_mm(alpha, exponent, 8.0);

@@ -165,7 +165,7 @@ const DAMAGES: [Damages; 4] = [
         ("scatterers of all depths within the same reach", "profiles", "reaches[plane].x", "reaches[0].x"),
         ("beams not interpolated", "visibility", "node - f32(low)", "0.0"),
         ("phase of the sample, not of its scatterer", "march", "(position.range_mm + ahead_mm)", "(position.range_mm)"),
-        ("echoes a sample too deep", "echo", "Echo(u32(sample),", "Echo(min(u32(sample) + 1u, params.samples - 1u),"),
+        ("echoes a sample too deep", "echo", "i32(before) - 1, value", "i32(before), value"),
         (
             "weights of a kernel and two profiles not made up for",
             "lateral",
@@ -175,12 +175,12 @@ const DAMAGES: [Damages; 4] = [
         (
             "the pulse a sample late",
             "detect",
-            "pair.xy * near.z + pair.zw * near.y",
-            "pair.xy * near.y + pair.zw * near.x",
+            "at[i] += pair.xy * taps[4 - i] + pair.zw * taps[5 - i];",
+            "at[i] += pair.xy * taps[5 - i] + pair.zw * taps[5 - i];",
         ),
         ("two-way attenuation in the map", "section", "ONE_WAY * tissues[here]", "tissues[here]"),
         ("a fan's area as a rectangle's", "percentile", "t * (0.5 * t + params.face_radius_mm)", "t"),
-        ("nearest sample", "scan_convert", "fract(sample)", "0.0"),
+        ("nearest sample", "scan_convert", "fract(level)", "0.0"),
     ],
     &[
         ("crossings beyond the face count", "locate", "crossing_count = behind;", "crossing_count = found;"),
@@ -210,6 +210,13 @@ const DAMAGES: [Damages; 4] = [
     ],
     &[
         ("sheets of scatterers of other weights", "march", "let weight = bell * bell;", "let weight = bell;"),
+        (
+            "every echo midway between samples",
+            "echo",
+            "mix(delays[low], delays[low + 1u], step - f32(low))",
+            "delays[DELAY_STEPS / 2u]",
+        ),
+        ("levels midway like those at the samples", "detect", "pair.xy * taps_midway[4 - i]", "pair.xy * taps[4 - i]"),
         ("the first scatterer of a cell", "march", "abs(along_mm) < abs(ahead_mm)", "quarter == 0u"),
         (
             "neighbours of a scanline in the shadow as loud",

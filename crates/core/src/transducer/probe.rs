@@ -6,9 +6,14 @@ use crate::acoustics::beam::{Beam, Reception};
 use crate::acoustics::{self, pulse, slide};
 use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
 
-/// Largest distance between automatic samples, in standard deviations of the pulse's envelope. Grey levels are linear
-/// between samples: with fewer, lengths of displayed points are off by more than a tenth (`docs/notes/samples.md`).
-const SIGMAS_PER_SAMPLE: f64 = 1.0;
+/// Largest distance between automatic samples, in standard deviations of the pulse's envelope. The spectrum of the
+/// envelope has fallen by 24 dB at half the sampling rate. With fewer samples, the lengths of displayed points vary more
+/// (`docs/notes/samples.md`).
+const SIGMAS_PER_SAMPLE: f64 = 4.0 / 3.0;
+/// Range of the distance between samples, in standard deviations of the pulse's envelope, over which the envelope is
+/// also detected midway between them. Below the range, grey levels are fine enough at the samples alone. Above it,
+/// pulses of neighbouring samples hardly overlap midway.
+const SIGMAS_WITH_MIDWAY: [f64; 2] = [1.0, 2.0];
 /// Samples of a block, which share one lateral kernel and one gain. An automatic number has an odd number of blocks:
 /// scanlines a multiple of 4 KiB apart in memory would compete for the same part of the first-level cache.
 pub const BLOCK_SAMPLES: u32 = 16;
@@ -35,6 +40,16 @@ impl Probe {
     /// Depth between neighbouring samples, mm, at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
         self.depth_mm / f64::from(self.sample_count())
+    }
+
+    /// Number of grey levels for each sample: 1, or 2 if the envelope is also detected midway to the next sample.
+    ///
+    /// Grey levels are linear between the places where they are detected. Where these are more than a standard deviation
+    /// of the pulse apart, lengths of displayed points are off by more than a tenth (`docs/notes/samples.md`).
+    pub fn levels_per_sample(&self) -> u32 {
+        let apart = self.sample_spacing_mm() / self.axial_sigma_mm();
+        let [from, to] = SIGMAS_WITH_MIDWAY;
+        if apart > from && apart <= to { 2 } else { 1 }
     }
 
     /// Radius of the face, mm: 0 for a phased array, `None` for a flat (linear) one.
@@ -163,7 +178,7 @@ mod tests {
 
     #[test]
     fn automatic_samples_are_a_pulse_apart_at_every_frequency_and_depth() {
-        assert_eq!(Probe::default().sample_count(), 2512);
+        assert_eq!(Probe::default().sample_count(), 1872);
         for frequency_mhz in [1.0, 2.5, 8.0, 18.0] {
             for depth_mm in [20.0, 60.0, 150.0, 240.0] {
                 for harmonics in [false, true] {
@@ -173,6 +188,7 @@ mod tests {
                     let (spacing_mm, sigma_mm) = (probe.sample_spacing_mm(), probe.axial_sigma_mm());
                     let capped = samples == BLOCK_SAMPLES * BLOCKS_MAX;
                     assert!(spacing_mm <= SIGMAS_PER_SAMPLE * sigma_mm || capped, "{probe:?}: {spacing_mm} mm");
+                    assert!(capped || probe.levels_per_sample() == 2 || samples < 20 * BLOCK_SAMPLES, "{probe:?}");
                     // No more than two blocks are spare.
                     assert!(samples <= probe.samples_needed() + 2 * BLOCK_SAMPLES, "{probe:?}: {samples}");
                 }
@@ -181,5 +197,15 @@ mod tests {
         let most = Probe { frequency_mhz: 40.0, depth_mm: 500.0, ..Probe::default() };
         assert!(most.validate().is_ok() && most.sample_count() == 8176 && most.samples_needed() > 8176);
         assert_eq!(Probe { samples: Samples::Number(333), ..most }.sample_count(), 333);
+    }
+
+    #[test]
+    fn grey_levels_lie_midway_where_samples_are_one_to_two_deviations_of_the_pulse_apart() {
+        let levels = |sigmas: f64| {
+            let probe = Probe::default();
+            let samples = (probe.depth_mm / (sigmas * probe.axial_sigma_mm())).round() as u32;
+            Probe { samples: samples.into(), ..probe }.levels_per_sample()
+        };
+        assert_eq!([0.2, 0.82, 0.99, 1.01, 1.5, 1.99, 2.01, 5.0].map(levels), [1, 1, 1, 2, 2, 2, 1, 1]);
     }
 }

@@ -6,9 +6,10 @@ const THREADS: u32 = 64u;
 // For each path of a group: running sum of echoes up to and including its own, and range of its first reflection.
 var<workgroup> ends: array<u32, THREADS>;
 var<workgroup> reflections_mm: array<f32, THREADS>;
-// For each echo of a turn: its sample, and the value to add.
-var<workgroup> samples: array<u32, THREADS>;
-var<workgroup> echoed: array<vec2<f32>, THREADS>;
+// For each echo of a turn: its first sample, its value, and the weights of its samples.
+var<workgroup> samples: array<i32, THREADS>;
+var<workgroup> values: array<vec2<f32>, THREADS>;
+var<workgroup> weights: array<vec4<f32>, THREADS>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
@@ -55,7 +56,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 let path = path_of(line, first + slot);
                 let segment = 1u + index - select(ends[max(slot, 1u) - 1u], 0u, slot == 0u);
                 let own = count_of(path);
-                var echo = Echo(NO_SAMPLE, vec2<f32>(0.0));
+                var echo = Echo(NO_SAMPLE, vec2<f32>(0.0), vec4<f32>(0.0));
                 if segment <= own {
                     echo = echo_of(line, path, segment, 1.0);
                 } else {
@@ -65,13 +66,18 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                     }
                 }
                 samples[thread] = echo.sample;
-                echoed[thread] = echo.value;
+                values[thread] = echo.value;
+                weights[thread] = echo.weights;
             }
             workgroupBarrier();
             for (var i = 0u; i < min(total - turn, THREADS); i++) {
-                let sample = samples[i];
-                if sample % THREADS == thread && sample != NO_SAMPLE {
-                    baseband[line * params.row_samples + sample] += echoed[i];
+                let first_sample = samples[i];
+                // The one tap that falls on a sample of this thread.
+                let tap = (i32(thread) - first_sample) & i32(THREADS - 1u);
+                let sample = first_sample + tap;
+                if first_sample != NO_SAMPLE && tap < taps() && in_row(sample) {
+                    let echoed = weights[i][tap] * values[i];
+                    baseband[line * params.row_samples + u32(sample)] += echoed;
                 }
             }
             workgroupBarrier();

@@ -2,9 +2,15 @@
 
 fn add(line: u32, path: u32, segment: u32, weight: f32) {
     let echo = echo_of(line, path, segment, weight);
-    if echo.sample != NO_SAMPLE {
-        let echoed = echo.value;
-        baseband[line * params.row_samples + echo.sample] += echoed;
+    if echo.sample == NO_SAMPLE {
+        return;
+    }
+    for (var tap = 0; tap < taps(); tap++) {
+        let sample = echo.sample + tap;
+        if in_row(sample) {
+            let echoed = echo.weights[tap] * echo.value;
+            baseband[line * params.row_samples + u32(sample)] += echoed;
+        }
     }
 }
 

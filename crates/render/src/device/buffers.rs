@@ -5,7 +5,7 @@ use insonify_core::anatomy::Bvh;
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
 use crate::batch_plan::{BatchPlan, PATH_BYTES};
-use crate::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
+use crate::constants::{BLOCK_QUADS, DELAY_STEPS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::error::BackendError;
 use crate::params::Params;
 use crate::tables::Tables;
@@ -54,6 +54,7 @@ pub(crate) struct Buffers {
     pub(super) lateral_kernels: wgpu::Buffer,
     pub(super) kernel_spans: wgpu::Buffer,
     pub(super) pulse: wgpu::Buffer,
+    pub(super) delays: wgpu::Buffer,
     pub(super) scatterer_gain: wgpu::Buffer,
     pub(super) sheet_reach: wgpu::Buffer,
     pub(super) pixels: wgpu::Buffer,
@@ -136,7 +137,8 @@ impl Buffers {
             )?,
             kernel_spans: work("kernel spans", 8 * tables.kernels.power.len() as u64, |b| &b.kernel_spans)?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
-            pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
+            pulse: uniform("pulse", 2 * 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
+            delays: uniform("fractional delays", 16 * u64::from(DELAY_STEPS + 1), |b| &b.delays)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
             // One table per steering angle; the straight angle's table is `tables.pixels`.
@@ -155,7 +157,7 @@ impl Buffers {
             segment_counts: part("segment counts", paths * 4, |b| &b.segment_counts)?,
             baseband: part("baseband", samples * 8, |b| &b.baseband)?,
             focused: part("focused baseband", samples * 8, |b| &b.focused)?,
-            polar: part("polar image", samples * 4, |b| &b.polar)?,
+            polar: part("polar image", u64::from(params.levels_per_sample) * samples * 4, |b| &b.polar)?,
             lines: part("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
             aperture: ApertureBuffers::new(gpu, tables, params, plan, previous.map(|b| &b.aperture), frames)?,
             kept_powers: part("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
@@ -194,7 +196,11 @@ impl Buffers {
         let spans = tables.kernels.reach.iter().zip(&tables.kernels.power);
         let spans: Vec<[f32; 2]> = spans.map(|(&reach, &power)| [reach as f32, power]).collect();
         write(&self.kernel_spans, bytemuck::cast_slice(&spans));
-        padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
+        let mut pulse = tables.kernels.pulse.clone();
+        pulse.resize(4 * PULSE_QUADS as usize, 0.0);
+        pulse.extend_from_slice(&tables.kernels.midway);
+        padded(&self.pulse, bytemuck::cast_slice(&pulse));
+        padded(&self.delays, bytemuck::cast_slice(&tables.kernels.delays));
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
         let reach = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
         padded(&self.sheet_reach, bytemuck::cast_slice(reach));

@@ -201,8 +201,10 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             if on.has(Effect::InterfaceEchoes) {
                 let lines = largest.line_count;
                 let (shader, groups) = if in_software { (EchoByLine, lines.div_ceil(16)) } else { (Echo, lines) };
-                frame.run(shader, batch, [groups, 1, 1], &[aperture],
-                    &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband])?;
+                let between = ("BETWEEN", f64::from(!tables.kernels.delays.is_empty()));
+                frame.run(shader, batch, [groups, 1, 1], &[aperture, between],
+                    &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband,
+                        &b.delays])?;
             }
         }
     }
@@ -230,7 +232,10 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         if params.receives() {
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }
-        frame.run(Detect, last, samples_by(8), &[("KEEP_LINES", f64::from(settings.lines))],
+        // A thread makes eight grey levels.
+        let midway = params.levels_per_sample == 2;
+        let constants = [("KEEP_LINES", f64::from(settings.lines)), ("MIDWAY", f64::from(midway))];
+        frame.run(Detect, last, samples_by(if midway { 4 } else { 8 }), &constants,
             &[&b.pulse, &b.focused, &b.polar, &b.lines])?;
     }
     // From scanlines to pixels.

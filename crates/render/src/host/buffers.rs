@@ -128,7 +128,7 @@ impl Buffers {
             baseband: fresh!(baseband, "baseband", samples),
             reflected: fresh!(reflected, "reflected amplitudes", samples / u64::from(DEPTH_BLOCK)),
             focused: fresh!(focused, "focused baseband", samples),
-            polar: fresh!(polar, "polar image", samples),
+            polar: fresh!(polar, "polar image", u64::from(params.levels_per_sample) * samples),
             lines: fresh!(lines, "lines", if settings.lines { samples } else { 0 }),
             entries: fresh!(entries, "section", map_rays * u64::from(ENTRIES)),
             entry_counts: fresh!(entry_counts, "section counts", map_rays),

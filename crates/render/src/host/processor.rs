@@ -1,5 +1,7 @@
 //! The host's processor, by name.
 
+use insonify_core::instructions::Instructions;
+
 /// Name of the processor from `/proc/cpuinfo`; without one, its architecture.
 pub fn processor_name() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -16,14 +18,8 @@ pub(crate) fn description() -> String {
 }
 
 fn instructions() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if insonify_core::simd::has_avx512() {
-            return "avx512";
-        }
-        if is_x86_feature_detected!("avx2") {
-            return "avx2";
-        }
+    match Instructions::widest() {
+        Instructions::Portable => std::env::consts::ARCH,
+        wider => wider.name(),
     }
-    std::env::consts::ARCH
 }

@@ -132,7 +132,7 @@ impl HostRenderer {
                 receive(&last, constants, paths, near, &mut b.focused);
                 laps.note("receive");
             }
-            detect(params, constants, &kernels.pulse, gain, &b.focused, &mut b.polar, &mut b.lines);
+            detect(params, constants, kernels, gain, &b.focused, &mut b.polar, &mut b.lines);
             laps.note("detect");
         }
         if maps {
@@ -223,7 +223,8 @@ impl HostRenderer {
             }
             if effects.has(Effect::InterfaceEchoes) {
                 let (echoes, segment_counts) = (&b.echoes, &b.segment_counts);
-                let interfaces = Interfaces { paths, echoes, segment_counts, aperture_gains };
+                let delays = &tables.kernels.delays;
+                let interfaces = Interfaces { paths, echoes, segment_counts, aperture_gains, delays };
                 echo(&params, self.image, interfaces, &mut b.baseband);
                 laps.note("echo");
             }

@@ -6,7 +6,8 @@ use super::inputs::Inputs;
 use super::segment::Path;
 use super::visibility::{ApertureGain, Boundary};
 
-/// Adds each interface's echo to `baseband` [scanlines × samples], at the sample that holds the echo's range.
+/// Adds each interface's echo to `baseband` [scanlines × samples], at the sample that holds the echo's range, or
+/// spread over the samples around it.
 ///
 /// With the effect `aperture`, the aperture's gain replaces a path's loss up to its first reflection. After the
 /// reflection the path adds its own echoes, and the axial path's echoes times the gain.
@@ -45,7 +46,30 @@ fn add(
         let arrived = number - 1;
         let gain = gain.filter(|_| !path.segments[arrived].has_reflected);
         let gain = gain.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
-        let at = line * inputs.samples + sample as usize;
-        baseband[at] += weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);
+        let value = weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);
+        let row = &mut baseband[line * inputs.samples..][..inputs.samples];
+        if inputs.delays.is_empty() {
+            row[sample as usize] += value;
+            return;
+        }
+        // Samples are centred half a spacing after their number.
+        let before = (sample - 0.5).floor();
+        for (tap, weight) in inputs.delay_weights(sample - 0.5 - before).into_iter().enumerate() {
+            let at = before + tap as f64 - 1.0;
+            if (0.0..inputs.samples as f64).contains(&at) {
+                row[at as usize] += weight * value;
+            }
+        }
+    }
+}
+
+impl Inputs {
+    /// Weights of an echo at the fraction `part` of the way from one sample to the next, linear between their table's
+    /// steps.
+    fn delay_weights(&self, part: f64) -> [f64; 4] {
+        let step = part * (self.delays.len() - 1) as f64;
+        let low = (step as usize).min(self.delays.len() - 2);
+        let [one, next] = [self.delays[low], self.delays[low + 1]];
+        std::array::from_fn(|tap| one[tap] + (next[tap] - one[tap]) * (step - low as f64))
     }
 }

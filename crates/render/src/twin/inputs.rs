@@ -167,6 +167,12 @@ pub struct Inputs {
     pub depth_block: usize,
     /// Envelope of the pulse, from −half to +half samples, 1 at its peak.
     pub pulse: Vec<f64>,
+    /// Weights of an echo on the four samples around it, at even steps from one sample to the next; empty if an echo lies
+    /// at the nearest sample.
+    pub delays: Vec<[f64; 4]>,
+    /// The pulse's weights of the same samples, half a sample later; empty if the envelope is detected at the samples
+    /// alone.
+    pub midway: Vec<f64>,
     /// Time-gain compensation, dB per mm of range.
     pub tgc_db_per_mm: f64,
     /// Settings of the image.
@@ -229,6 +235,7 @@ impl Inputs {
         };
         let pair =
             |[a, b, c, d]: &[f32; 4]| [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())];
+        let taps = |padded: &[f32]| wide(&padded[PULSE_PAD as usize..padded.len() - PULSE_PAD as usize]);
         let stride = 4 * params.row_words as usize;
         let position = |&word: &u32| {
             let [across, depth] = unpack_place(word)?;
@@ -290,7 +297,9 @@ impl Inputs {
             scatterer_gain: wide(&kernels.scatterer_gain),
             lateral_kernels: kernels.lateral.chunks_exact(2 * kernels.lateral_half as usize + 1).map(wide).collect(),
             depth_block: DEPTH_BLOCK as usize,
-            pulse: wide(&kernels.pulse[PULSE_PAD as usize..kernels.pulse.len() - PULSE_PAD as usize]),
+            pulse: taps(&kernels.pulse),
+            delays: kernels.delays.iter().map(|weights| weights.map(f64::from)).collect(),
+            midway: if params.levels_per_sample == 2 { taps(&kernels.midway) } else { Vec::new() },
             tgc_db_per_mm: params.tgc_db_per_mm.into(),
             image: params.image,
             face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
@@ -307,6 +316,11 @@ impl Inputs {
     pub fn projection(&self, line: usize) -> f64 {
         let angle_rad = self.line_angle_rad * (line as f64 + 0.5 - 0.5 * self.scanlines as f64);
         angle_rad.cos().max(PROJECTION_MIN)
+    }
+
+    /// Grey levels of each sample: 1, or 2 if one lies midway to the next sample.
+    pub fn levels_per_sample(&self) -> usize {
+        if self.midway.is_empty() { 1 } else { 2 }
     }
 
     /// Number of paths of a frame that carry echoes. In their order, rays vary fastest, then scanlines, then layers.

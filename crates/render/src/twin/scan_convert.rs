@@ -38,9 +38,11 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
     let line = line.clamp(0.0, (inputs.scanlines - 1) as f64);
     let sample = sample.clamp(0.0, (inputs.samples - 1) as f64);
     let mix = |a: f64, b: f64, part: f64| a + (b - a) * part;
+    let levels = inputs.samples * inputs.levels_per_sample();
+    let level = sample * inputs.levels_per_sample() as f64;
     let along = |line: usize| {
-        let row = &grey[line * inputs.samples..(line + 1) * inputs.samples];
-        mix(row[sample as usize], row[(sample as usize + 1).min(inputs.samples - 1)], sample.fract())
+        let row = &grey[line * levels..(line + 1) * levels];
+        mix(row[level as usize], row[(level as usize + 1).min(levels - 1)], level.fract())
     };
     mix(along(line as usize), along((line as usize + 1).min(inputs.scanlines - 1)), line.fract())
 }

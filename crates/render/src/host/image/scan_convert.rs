@@ -179,10 +179,12 @@ fn mix(a: f32, b: f32, part: f32) -> f32 {
     a + (b - a) * part
 }
 
-/// Grey levels, bilinear between two samples of two scanlines.
+/// Grey levels, bilinear between two levels of two scanlines.
 #[inline(always)]
 fn greys(params: &Params, polar: &[u32], positions: &[u32; LANES]) -> [u8; LANES] {
-    let stride = if params.scanlines > 1 { params.row_samples } else { 0 };
+    let row_levels = params.row_levels();
+    let levels_per_sample = real(params.levels_per_sample);
+    let stride = if params.scanlines > 1 { row_levels } else { 0 };
     let last_line = real(params.scanlines.wrapping_sub(1));
     let last_pair = params.scanlines.saturating_sub(2) as i32;
     let last_sample = real(params.samples.wrapping_sub(1));
@@ -193,10 +195,11 @@ fn greys(params: &Params, polar: &[u32], positions: &[u32; LANES]) -> [u8; LANES
         let depth = real(positions[i] >> ACROSS_BITS) * DEPTH_SCALE;
         let line = at_most(at_least(across * real(params.scanlines) - 0.5, 0.0), last_line);
         let sample = at_most(at_least(depth * real(params.samples) - 0.5, 0.0), last_sample);
+        let level = sample * levels_per_sample;
         let line0 = floor(line).min(last_pair);
-        let sample0 = floor(sample);
-        at[i] = (line0 as u32).wrapping_mul(params.row_samples).wrapping_add(sample0 as u32).min(last);
-        along[i] = sample - sample0 as f32;
+        let level0 = floor(level);
+        at[i] = (line0 as u32).wrapping_mul(row_levels).wrapping_add(level0 as u32).min(last);
+        along[i] = level - level0 as f32;
         aside[i] = line - line0 as f32;
     }
     let (mut one, mut next) = ([0u32; LANES], [0u32; LANES]);

@@ -3,7 +3,8 @@
 use insonify_core::simd::{at_least, exp, phasor, widened};
 use rayon::prelude::*;
 
-use crate::constants::SEGMENTS;
+use crate::constants::{DELAY_STEPS, SEGMENTS};
+use crate::fractional_delay::TAPS;
 use crate::host::aperture::gain::{ApertureGain, ApertureGains, InterfaceGains};
 use crate::host::constants::ImageConstants;
 use crate::host::paths::Paths;
@@ -26,6 +27,8 @@ pub(in crate::host) struct Interfaces<'a> {
     pub(in crate::host) segment_counts: &'a [u32],
     /// The aperture's gain along the scanlines; if `None`, echoes have the loss of their paths.
     pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
+    /// Weights of an echo between two samples; empty if an echo lies at the nearest sample.
+    pub(in crate::host) delays: &'a [[f32; TAPS]],
 }
 
 /// Echoes of a path in the baseband.
@@ -73,12 +76,36 @@ impl Echoes {
 
     /// Adds the echoes of interfaces beyond the range `from_mm`, times `weight`, to the samples of a scanline.
     #[inline(always)]
-    fn add(&self, weight: f32, from_mm: f32, row: &mut [[f32; 2]]) {
+    fn add(&self, weight: f32, from_mm: f32, delays: &[[f32; TAPS]], row: &mut [[f32; 2]]) {
         for i in 0..self.count {
             let beyond = self.sample[i] >= 0.0 && self.interface_mm[i] > from_mm;
+            if !delays.is_empty() {
+                if beyond && self.sample[i] < row.len() as f32 {
+                    let value = [weight * self.value[0][i], weight * self.value[1][i]];
+                    add_between(self.sample[i] - 0.5, value, delays, row);
+                }
+                continue;
+            }
             if let Some(at) = row.get_mut(self.sample[i] as usize).filter(|_| beyond) {
                 *at = [at[0] + weight * self.value[0][i], at[1] + weight * self.value[1][i]];
             }
+        }
+    }
+}
+
+/// Adds an echo at a fractional index of a scanline's samples to the four samples around it.
+#[inline(always)]
+fn add_between(index: f32, [re, im]: [f32; 2], delays: &[[f32; TAPS]], row: &mut [[f32; 2]]) {
+    let before = index.floor();
+    let step = (index - before) * DELAY_STEPS as f32;
+    let low = (step as usize).min(DELAY_STEPS as usize - 1);
+    let (Some(one), Some(next)) = (delays.get(low), delays.get(low + 1)) else { return };
+    let part = step - low as f32;
+    for (tap, (&one, &next)) in one.iter().zip(next).enumerate() {
+        let weight = one + (next - one) * part;
+        // The first tap lies a sample before `before`.
+        if let Some(at) = (before as i32 + tap as i32 - 1).try_into().ok().and_then(|at: usize| row.get_mut(at)) {
+            *at = [at[0] + weight * re, at[1] + weight * im];
         }
     }
 }
@@ -125,7 +152,7 @@ fn add_line_body(
             let path = first.wrapping_add(ray) as usize;
             let reflected_mm = interfaces.list(path, constants.first_interface(), gain, &mut echoes);
             echoes.compute(params);
-            echoes.add(1.0, f32::NEG_INFINITY, row);
+            echoes.add(1.0, f32::NEG_INFINITY, interfaces.delays, row);
             if params.axial_paths == 0 || reflected_mm == f32::MAX {
                 continue;
             }
@@ -135,7 +162,7 @@ fn add_line_body(
                 axial_echoes.compute(params);
                 axial_listed = true;
             }
-            axial_echoes.add(weight, reflected_mm, row);
+            axial_echoes.add(weight, reflected_mm, interfaces.delays, row);
         }
     }
 }

@@ -26,6 +26,9 @@ pub(super) mod tree;
 
 use std::ops::Range;
 
+#[cfg(target_arch = "x86_64")]
+use insonify_core::instructions::Instructions;
+
 use crate::params::Params;
 use path::Scene;
 use path_outputs::PathOutputs;
@@ -120,10 +123,10 @@ fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
     follow_run(scene, first, out)
 }
 
-/// The fastest function that this processor runs.
+/// The fastest function that this processor runs within [`Instructions::widest`].
 pub(in crate::host) fn fastest() -> Follow {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2")
+    if Instructions::widest() >= Instructions::Avx2
         && is_x86_feature_detected!("bmi1")
         && is_x86_feature_detected!("bmi2")
         && is_x86_feature_detected!("lzcnt")
