@@ -1,6 +1,6 @@
 //! Adds the interfaces' echoes to the baseband, each scanline's in a fixed order.
 
-use insonify_core::simd::{at_least, exp, phasor, widened};
+use insonify_core::simd::{at_least, at_most, exp, floor, phasor, widened};
 use rayon::prelude::*;
 
 use crate::constants::{DELAY_STEPS, SEGMENTS};
@@ -14,8 +14,20 @@ use crate::params::Params;
 const LANES: usize = 16;
 /// Room for the echoes of a path, in whole groups of [`LANES`].
 const ECHOES: usize = (SEGMENTS as usize).next_multiple_of(LANES);
+/// Index beyond every sample.
+const SAMPLES_BEYOND: f32 = 1.0e6;
 /// One number per echo of a path.
 type Numbers = [f32; ECHOES];
+
+/// Place of an echo between samples.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// First of the samples that share the echo; 2³² − 1 or − 2 for the samples before the row.
+    first: u32,
+    /// Step of the table of weights, and the part of the way to the next one.
+    step: u32,
+    part: f32,
+}
 
 /// Inputs of the pass.
 #[derive(Debug, Clone, Copy)]
@@ -44,6 +56,10 @@ struct Echoes {
     /// Complex value, and fractional index of the sample.
     value: [Numbers; 2],
     sample: Numbers,
+    /// Place between samples: see [`Place`].
+    first: [u32; ECHOES],
+    step: [u32; ECHOES],
+    part: Numbers,
 }
 
 impl Echoes {
@@ -58,6 +74,9 @@ impl Echoes {
             interface_mm: zeros,
             value: [zeros; 2],
             sample: zeros,
+            first: [0; ECHOES],
+            step: [0; ECHOES],
+            part: zeros,
         }
     }
 
@@ -71,6 +90,16 @@ impl Echoes {
                 (self.value[0][i], self.value[1][i]) = (amplitude * re, amplitude * im);
                 self.sample[i] = self.range_mm[i] / params.sample_spacing_mm;
             }
+            for i in first..first + LANES {
+                // Samples are centred half a spacing after their number. Ranges beyond every sample are not added.
+                let index = at_most(self.sample[i], SAMPLES_BEYOND) - 0.5;
+                let before = floor(index);
+                let step = (index - before as f32) * DELAY_STEPS as f32;
+                let low = floor(step);
+                self.first[i] = (before as u32).wrapping_sub(1);
+                self.step[i] = low as u32;
+                self.part[i] = step - low as f32;
+            }
         }
     }
 
@@ -79,10 +108,11 @@ impl Echoes {
     fn add(&self, weight: f32, from_mm: f32, delays: &[[f32; TAPS]], row: &mut [[f32; 2]]) {
         for i in 0..self.count {
             let beyond = self.sample[i] >= 0.0 && self.interface_mm[i] > from_mm;
-            if !delays.is_empty() {
+            if let Some(delays) = delays.first_chunk() {
                 if beyond && self.sample[i] < row.len() as f32 {
                     let value = [weight * self.value[0][i], weight * self.value[1][i]];
-                    add_between(self.sample[i] - 0.5, value, delays, row);
+                    let place = Place { first: self.first[i], step: self.step[i], part: self.part[i] };
+                    add_between(place, value, delays, row);
                 }
                 continue;
             }
@@ -93,19 +123,32 @@ impl Echoes {
     }
 }
 
-/// Adds an echo at a fractional index of a scanline's samples to the four samples around it.
+/// Adds an echo to the four samples around its place.
 #[inline(always)]
-fn add_between(index: f32, [re, im]: [f32; 2], delays: &[[f32; TAPS]], row: &mut [[f32; 2]]) {
-    let before = index.floor();
-    let step = (index - before) * DELAY_STEPS as f32;
-    let low = (step as usize).min(DELAY_STEPS as usize - 1);
-    let (Some(one), Some(next)) = (delays.get(low), delays.get(low + 1)) else { return };
-    let part = step - low as f32;
-    for (tap, (&one, &next)) in one.iter().zip(next).enumerate() {
-        let weight = one + (next - one) * part;
-        // The first tap lies a sample before `before`.
-        if let Some(at) = (before as i32 + tap as i32 - 1).try_into().ok().and_then(|at: usize| row.get_mut(at)) {
-            *at = [at[0] + weight * re, at[1] + weight * im];
+fn add_between(
+    place: Place,
+    [re, im]: [f32; 2],
+    delays: &[[f32; TAPS]; DELAY_STEPS as usize + 1],
+    row: &mut [[f32; 2]],
+) {
+    let step = (place.step as usize).min(DELAY_STEPS as usize - 1);
+    let (one, next) = (&delays[step], &delays[step + 1]);
+    let mut values = [[0.0; 2]; TAPS];
+    for (value, (&one, &next)) in values.iter_mut().zip(one.iter().zip(next)) {
+        let weight = one + (next - one) * place.part;
+        *value = [weight * re, weight * im];
+    }
+    let within = row.get_mut(place.first as usize..).and_then(|rest| rest.first_chunk_mut::<TAPS>());
+    if let Some(samples) = within {
+        for (at, value) in samples.iter_mut().zip(values) {
+            *at = [at[0] + value[0], at[1] + value[1]];
+        }
+        return;
+    }
+    // At the row's ends, taps beyond it are lost.
+    for (tap, value) in values.into_iter().enumerate() {
+        if let Some(at) = row.get_mut(place.first.wrapping_add(tap as u32) as usize) {
+            *at = [at[0] + value[0], at[1] + value[1]];
         }
     }
 }
