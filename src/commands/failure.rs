@@ -114,6 +114,7 @@ classified! {
         BackendError::NoAdapter { .. }
         | BackendError::NoDevice { .. }
         | BackendError::Trace(_)
+        | BackendError::Instructions(_)
         | BackendError::NoLanes { .. }
         | BackendError::Limit { .. }
         | BackendError::Memory { .. } => Input,

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 /// Rooms from the highest to the lowest. Rooms in one line do not import each other.
-const ORDER: [&[&str]; 21] = [
+const ORDER: [&[&str]; 23] = [
     &["pipeline"],
     &["chooser"],
     &["measuring"],
@@ -37,7 +37,9 @@ const ORDER: [&[&str]; 21] = [
     &["pose"],
     &["acoustics"],
     &["settings"],
-    &["files", "statistics", "random", "suggest", "names", "simd", "lanes"],
+    &["simd"],
+    &["instructions"],
+    &["files", "statistics", "random", "suggest", "names", "lanes"],
 ];
 
 type Module = Vec<String>;

@@ -73,7 +73,8 @@ pub(crate) struct Kernels {
     /// Weights of the same samples midway between the middle sample and the next one, laid out like `pulse`.
     pub(crate) midway: Vec<f32>,
     pub(crate) axial_half: u32,
-    /// Weights of an echo between two samples [DELAY_STEPS + 1]: see [`delay_weights`].
+    /// Weights of an echo between two samples [DELAY_STEPS + 1]: see [`delay_weights`]. Empty if grey levels are detected
+    /// at the samples alone; an echo then lies at the nearest sample.
     pub(crate) delays: Vec<[f32; TAPS]>,
     /// Gain of the scatterers [blocks]: keeps speckle at the tissue's level after both kernels, at every depth.
     pub(crate) scatterer_gain: Vec<f32>,
@@ -112,7 +113,7 @@ impl Kernels {
             pulse: padded(&pulse),
             midway: padded(&midway),
             axial_half,
-            delays: if probe.levels_per_sample() == 2 { delay_weights(sigma) } else { Vec::new() },
+            delays: if axial_half > 0 && probe.levels_per_sample() == 2 { delay_weights(sigma) } else { Vec::new() },
             scatterer_gain,
             clipped: clipped_beam.into_iter().chain(clipped_pulse).collect(),
         }

@@ -219,7 +219,7 @@ impl Params {
             steer_shift_mm: 0.0,
             line_turns: line_turns(probe),
             reflecting_paths: settings.reflecting_paths(),
-            levels_per_sample: if tables.kernels.axial_half == 0 { 1 } else { probe.levels_per_sample() },
+            levels_per_sample: if tables.kernels.delays.is_empty() { 1 } else { 2 },
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],

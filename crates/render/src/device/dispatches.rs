@@ -148,7 +148,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     let (largest, last) = (plan.params(0, params), plan.batches - 1);
     let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
     let aperture = ("APERTURE", f64::from(on.has(Effect::Aperture)));
-
+    let midway = params.levels_per_sample == 2;
     // Paths of a batch: surfaces around their starts and coupling of the face, then the segments.
     let paths = largest.paths();
     let apart = gpu.lanes_apart(paths * b.frames);
@@ -201,8 +201,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             if on.has(Effect::InterfaceEchoes) {
                 let lines = largest.line_count;
                 let (shader, groups) = if in_software { (EchoByLine, lines.div_ceil(16)) } else { (Echo, lines) };
-                let between = ("BETWEEN", f64::from(!tables.kernels.delays.is_empty()));
-                frame.run(shader, batch, [groups, 1, 1], &[aperture, between],
+                frame.run(shader, batch, [groups, 1, 1], &[aperture, ("BETWEEN", f64::from(midway))],
                     &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband,
                         &b.delays])?;
             }
@@ -233,7 +232,6 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }
         // A thread makes eight grey levels.
-        let midway = params.levels_per_sample == 2;
         let constants = [("KEEP_LINES", f64::from(settings.lines)), ("MIDWAY", f64::from(midway))];
         frame.run(Detect, last, samples_by(if midway { 4 } else { 8 }), &constants,
             &[&b.pulse, &b.focused, &b.polar, &b.lines])?;
