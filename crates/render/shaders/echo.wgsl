@@ -58,8 +58,8 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     return gain_at(line, position) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
-// An echo: its value, and the first of the TAPS samples to which it is added with `weights`. Samples beyond the row's
-// ends take nothing. `sample` is NO_SAMPLE for an echo beyond the row, and for one without amplitude.
+// An echo: its value, and the first of the samples to which it is added with `weights`. Samples beyond the row's ends
+// take nothing. `sample` is NO_SAMPLE for an echo beyond the row, and for one without amplitude.
 struct Echo {
     sample: i32,
     value: vec2<f32>,

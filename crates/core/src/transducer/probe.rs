@@ -7,8 +7,8 @@ use crate::acoustics::{self, pulse, slide};
 use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
 
 /// Largest distance between automatic samples, in standard deviations of the pulse's envelope. The spectrum of the
-/// envelope has fallen by 24 dB at half the sampling rate. With fewer samples, the lengths of displayed points vary more
-/// (`docs/notes/samples.md`).
+/// envelope has fallen by 24 dB at half the sampling rate. With fewer samples, echoes between them would be displayed
+/// longer (`docs/notes/samples.md`).
 const SIGMAS_PER_SAMPLE: f64 = 4.0 / 3.0;
 /// Range of the distance between samples, in standard deviations of the pulse's envelope, over which the envelope is
 /// also detected midway between them. Below the range, grey levels are fine enough at the samples alone. Above it,
