@@ -18,7 +18,8 @@ mod trace_by;
 use across::assert_alike;
 use compare::{PASSES, compare};
 use insonify::render::{Choice, Effect, Frame, ShaderSet, twin};
-use scenes::{RENDERED, cases, lifted, nested};
+use insonify::transducer::Probe;
+use scenes::{Case, RENDERED, cases, lifted, nested};
 
 #[test]
 fn every_pass_is_its_twin() {
@@ -244,19 +245,39 @@ const DAMAGES: [Damages; 4] = [
     ],
 ];
 
+/// Damages of what passes do where samples are so dense that levels and echoes lie at samples alone.
+const DENSE_DAMAGES: Damages = &[
+    (
+        "echoes a sample too deep",
+        "echo",
+        "Echo(i32(sample), value",
+        "Echo(min(i32(sample) + 1, i32(params.samples) - 1), value",
+    ),
+    ("the pulse a sample late", "detect", "pair.xy * near.z + pair.zw * near.y", "pair.xy * near.y + pair.zw * near.x"),
+];
+
+/// Damages that the comparison of their pass with its twin doesn't notice.
+fn missed(case: &Case, damages: Damages, as_gpu: bool) -> Vec<String> {
+    let mut shaders = ShaderSet::default();
+    shaders.as_gpu = as_gpu;
+    for (what, pass, from, to) in damages {
+        assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
+    }
+    let snapshot = case.renderer(&shaders).snapshot(&case.pose).unwrap();
+    let passed = damages.iter().filter(|(_, pass, ..)| compare(pass, &snapshot).is_ok());
+    passed.map(|(what, pass, ..)| format!("{pass}: {what}")).collect()
+}
+
 #[test]
 fn a_damaged_pass_is_caught() {
     let case = nested();
-    let mut missed = Vec::new();
-    for (group, damages) in DAMAGES.into_iter().enumerate() {
-        let mut shaders = ShaderSet::default();
-        shaders.as_gpu = group % 2 == 1;
-        for (what, pass, from, to) in damages {
-            assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
-        }
-        let snapshot = case.renderer(&shaders).snapshot(&case.pose).unwrap();
-        let passed = damages.iter().filter(|(_, pass, ..)| compare(pass, &snapshot).is_ok());
-        missed.extend(passed.map(|(what, pass, ..)| format!("{pass}: {what}")));
+    assert_eq!(case.probe.levels_per_sample(), 2);
+    let sets = DAMAGES.into_iter().enumerate();
+    let mut missed: Vec<String> = sets.flat_map(|(set, damages)| self::missed(&case, damages, set % 2 == 1)).collect();
+    let dense = Case { probe: Probe { samples: 1023.into(), ..case.probe }, ..case };
+    assert_eq!(dense.probe.levels_per_sample(), 1);
+    for as_gpu in [false, true] {
+        missed.extend(self::missed(&dense, DENSE_DAMAGES, as_gpu));
     }
     assert!(missed.is_empty(), "not caught: {missed:#?}");
 }
