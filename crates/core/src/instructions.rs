@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use thiserror::Error;
 
+use crate::names::word_in_environment;
+
 /// Environment variable that sets the widest instructions.
 const VARIABLE: &str = "INSONIFY_SIMD";
 
@@ -105,10 +107,7 @@ impl Instructions {
     /// # Errors
     /// A word that names no instructions; instructions that the processor lacks.
     pub fn limit_by_environment() -> Result<(), WrongInstructions> {
-        match std::env::var_os(VARIABLE) {
-            Some(word) if !word.is_empty() => word.to_string_lossy().parse::<Self>()?.limit(),
-            _ => Ok(()),
-        }
+        word_in_environment(VARIABLE).map_or(Ok(()), |word| word.parse::<Self>()?.limit())
     }
 }
 

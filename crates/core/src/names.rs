@@ -30,6 +30,12 @@ macro_rules! named {
 
 pub use named;
 
+/// Word in an environment variable; `None` if the variable is unset or empty.
+pub fn word_in_environment(variable: &str) -> Option<String> {
+    let word = std::env::var_os(variable).filter(|word| !word.is_empty())?;
+    Some(word.to_string_lossy().into_owned())
+}
+
 /// A whole number in digits with thousands separators.
 pub fn thousands(n: usize) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }

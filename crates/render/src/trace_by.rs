@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use insonify_core::names::word_in_environment;
 use thiserror::Error;
 
 /// Environment variable that chooses the way.
@@ -41,10 +42,7 @@ impl TraceBy {
     /// # Errors
     /// A word other than `lanes` or `path`.
     pub fn from_environment() -> Result<Option<Self>, UnknownTrace> {
-        match std::env::var_os(VARIABLE) {
-            Some(word) if !word.is_empty() => word.to_string_lossy().parse().map(Some),
-            _ => Ok(None),
-        }
+        word_in_environment(VARIABLE).map(|word| word.parse()).transpose()
     }
 }
 

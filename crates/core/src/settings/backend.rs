@@ -6,6 +6,7 @@ use std::str::FromStr;
 use thiserror::Error;
 
 use super::{settings, stored_word};
+use crate::names::word_in_environment;
 
 /// An unknown name of a backend.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -44,10 +45,7 @@ impl BackendChoice {
     /// # Errors
     /// A word that names no backend.
     pub fn from_environment() -> Result<Option<Self>, UnknownBackendVariable> {
-        match std::env::var_os(VARIABLE) {
-            Some(word) if !word.is_empty() => word.to_string_lossy().parse().map(Some).map_err(UnknownBackendVariable),
-            _ => Ok(None),
-        }
+        word_in_environment(VARIABLE).map(|word| word.parse().map_err(UnknownBackendVariable)).transpose()
     }
 }
 

@@ -145,10 +145,10 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     let FrameBuilder { gpu, scene, buffers: b, batches: plan, .. } = *frame;
     let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
     let (on, in_software, a) = (effects.effects(), frame.pipelines.in_software(gpu), &b.aperture);
-    let (largest, last) = (plan.params(0, params), plan.batches - 1);
+    let (largest, last, midway) = (plan.params(0, params), plan.batches - 1, params.levels_per_sample == 2);
     let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
     let aperture = ("APERTURE", f64::from(on.has(Effect::Aperture)));
-    let midway = params.levels_per_sample == 2;
+
     // Paths of a batch: surfaces around their starts and coupling of the face, then the segments.
     let paths = largest.paths();
     let apart = gpu.lanes_apart(paths * b.frames);

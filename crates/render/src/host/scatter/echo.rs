@@ -90,34 +90,43 @@ impl Echoes {
                 (self.value[0][i], self.value[1][i]) = (amplitude * re, amplitude * im);
                 self.sample[i] = self.range_mm[i] / params.sample_spacing_mm;
             }
-            for i in first..first + LANES {
-                // Samples are centred half a spacing after their number. Ranges beyond every sample are not added.
-                let index = at_most(self.sample[i], SAMPLES_BEYOND) - 0.5;
-                let before = floor(index);
-                let step = (index - before as f32) * DELAY_STEPS as f32;
-                let low = floor(step);
-                self.first[i] = (before as u32).wrapping_sub(1);
-                self.step[i] = low as u32;
-                self.part[i] = step - low as f32;
+            if params.levels_per_sample == 2 {
+                self.place(first);
             }
+        }
+    }
+
+    /// Computes the places between samples of [`LANES`] echoes from `first` on.
+    #[inline(always)]
+    fn place(&mut self, first: usize) {
+        for i in first..first + LANES {
+            // Samples are centred half a spacing after their number. Ranges beyond every sample are not added.
+            let index = at_most(self.sample[i], SAMPLES_BEYOND) - 0.5;
+            let before = floor(index);
+            let step = (index - before as f32) * DELAY_STEPS as f32;
+            let low = floor(step);
+            self.first[i] = (before as u32).wrapping_sub(1);
+            self.step[i] = low as u32;
+            self.part[i] = step - low as f32;
         }
     }
 
     /// Adds the echoes of interfaces beyond the range `from_mm`, times `weight`, to the samples of a scanline.
     #[inline(always)]
     fn add(&self, weight: f32, from_mm: f32, delays: &[[f32; TAPS]], row: &mut [[f32; 2]]) {
+        let delays = delays.first_chunk();
         for i in 0..self.count {
-            let beyond = self.sample[i] >= 0.0 && self.interface_mm[i] > from_mm;
-            if let Some(delays) = delays.first_chunk() {
-                if beyond && self.sample[i] < row.len() as f32 {
-                    let value = [weight * self.value[0][i], weight * self.value[1][i]];
-                    let place = Place { first: self.first[i], step: self.step[i], part: self.part[i] };
-                    add_between(place, value, delays, row);
-                }
+            let in_row = self.sample[i] >= 0.0 && self.sample[i] < row.len() as f32;
+            let counts = in_row && self.interface_mm[i] > from_mm;
+            if !counts {
                 continue;
             }
-            if let Some(at) = row.get_mut(self.sample[i] as usize).filter(|_| beyond) {
-                *at = [at[0] + weight * self.value[0][i], at[1] + weight * self.value[1][i]];
+            let value = [weight * self.value[0][i], weight * self.value[1][i]];
+            if let Some(delays) = delays {
+                let place = Place { first: self.first[i], step: self.step[i], part: self.part[i] };
+                add_between(place, value, delays, row);
+            } else if let Some(at) = row.get_mut(self.sample[i] as usize) {
+                *at = [at[0] + value[0], at[1] + value[1]];
             }
         }
     }
