@@ -6,7 +6,7 @@ use crate::generator::{Generator, Quality};
 use crate::measuring::{ErrorMeasure, ExpectedErrors, GeneratorKey};
 use crate::pose::BySpeed;
 use crate::render::{Choice, Effect, FrameQuality};
-use crate::settings::RenderSettings;
+use crate::settings::{RenderSettings, Samples};
 use crate::station::Station;
 use crate::transducer::Probe;
 
@@ -61,6 +61,8 @@ pub(super) struct Open {
     pub(super) own: FrameQuality,
     /// Whether the number of steering angles may be chosen.
     angles: bool,
+    /// Whether samples may be coarse.
+    coarse: bool,
     /// Whether the effect `aperture` may be omitted.
     aperture: bool,
 }
@@ -72,15 +74,17 @@ impl Open {
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A single angle of a fixed quality counts as open: the hint then compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
-        Self { own, angles: angles && steers, aperture }
+        let coarse = station.probe.samples == Samples::Auto;
+        Self { own, angles: angles && steers, coarse, aperture }
     }
 
     /// Returns a quality of the error table if the station allows it; `None` if the station fixes other values of
-    /// angles or aperture.
+    /// angles, samples or aperture.
     fn here(&self, quality: FrameQuality) -> Option<FrameQuality> {
         let angles = self.angles || quality.angles == self.own.angles;
         let aperture = if quality.aperture { self.own.aperture } else { self.aperture || !self.own.aperture };
-        (angles && aperture).then_some(quality)
+        let samples = self.coarse || !quality.coarse;
+        (angles && samples && aperture).then_some(quality)
     }
 
     /// Quality that this station renders as input of a generator that takes `quality`. The effect `aperture` is
@@ -184,7 +188,8 @@ mod tests {
     }
 
     fn open(angles: u32, angles_open: bool) -> Open {
-        Open { own: FrameQuality { angles, ..FrameQuality::LQ }, angles: angles_open, aperture: true }
+        let own = FrameQuality { angles, ..FrameQuality::LQ };
+        Open { own, angles: angles_open, coarse: true, aperture: true }
     }
 
     #[test]
@@ -221,6 +226,8 @@ mod tests {
         assert!(of(kept).iter().all(|c| c.quality.aperture));
         let without = Open { own: FrameQuality { aperture: false, ..FrameQuality::LQ }, ..open(1, true) };
         assert!(of(without).iter().all(|c| !c.quality.aperture));
+        assert!(of(open(1, true)).iter().any(|c| c.quality.coarse));
+        assert!(of(Open { coarse: false, ..open(1, true) }).iter().all(|c| !c.quality.coarse));
     }
 
     #[test]

@@ -38,6 +38,8 @@ pub(crate) struct Times {
     angles_ms: Option<f64>,
     /// Ratio of the frame time without the effect `aperture` to the time with it.
     without_aperture: Option<f64>,
+    /// Ratio of the frame time with coarse samples to the time with all.
+    coarse: Option<f64>,
     /// Times of generator runs by SHA-256 of the model, ms.
     run_ms: BTreeMap<String, f64>,
     /// Ratio of the 95th percentile of times to their median.
@@ -60,6 +62,7 @@ impl Times {
         let of_paths = |(known, _): &&([u32; 2], Option<f64>)| *known == [quality.rays, quality.layers];
         let (_, ms) = self.render_ms.iter().find(of_paths)?;
         let ms = ms.as_ref()? * if quality.aperture { 1.0 } else { self.without_aperture? };
+        let ms = ms * if quality.coarse { self.coarse? } else { 1.0 };
         let angles_ms = if quality.angles > 1 { self.angles_ms? } else { 0.0 };
         Some(ms + angles_ms + if maps { self.maps_ms? } else { 0.0 })
     }
@@ -144,6 +147,7 @@ impl Times {
             let aperture = first.aperture;
             let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
             let without = FrameQuality { aperture: false, ..first };
+            let coarse = qualities.iter().any(|quality| quality.coarse);
             let compounded = FrameQuality { angles, ..first };
             // Least times, because the noise of so few frames would hide differences of medians.
             let mut ms = |quality, maps| Ok::<_, RenderError>(frames(timed, quality, maps)?.and_then(least));
@@ -151,10 +155,12 @@ impl Times {
             let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
             self.maps_ms = over(ms(first, true)?);
             self.angles_ms = if angles > 1 { over(ms(compounded, false)?) } else { Some(0.0) };
-            self.without_aperture = match aperture {
-                true => alone.zip(ms(without, false)?).map(|(with, without)| (without / with).min(1.0)),
-                false => Some(1.0),
+            let mut share = |applies: bool, of: FrameQuality| match applies {
+                true => Ok::<_, RenderError>(alone.zip(ms(of, false)?).map(|(alone, ms)| (ms / alone).min(1.0))),
+                false => Ok(Some(1.0)),
             };
+            self.without_aperture = share(aperture, without)?;
+            self.coarse = share(coarse, FrameQuality { coarse, ..first })?;
         }
         // Number of paths and time of the first quality far beyond the budget.
         let mut beyond: Option<(u32, f64)> = None;
@@ -247,7 +253,8 @@ fn least(ms: Vec<f64>) -> Option<f64> {
     ms.into_iter().min_by(f64::total_cmp)
 }
 
-/// Cache file of the times. Its name depends on machine, build, settings, and the largest number of angles.
+/// Cache file of the times. Its name depends on machine, build, settings, the largest number of angles, and whether any
+/// quality has coarse samples.
 fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let mut sum = Sha256::new();
     let Station { scene, probe, settings, background, motion, .. } = timed.station;
@@ -255,6 +262,7 @@ fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
     // These settings don't belong to the name, because times are measured for all their values.
     settings.quality = Default::default();
     settings.look.angles = 1;
+    settings.coarse_samples = false;
     let build =
         std::env::current_exe().and_then(|path| path.metadata()).and_then(|data| Ok((data.len(), data.modified()?)));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -263,19 +271,26 @@ fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let (provider, runs_on) = (&generator.provider, generator.threads);
     let precisions: Vec<_> = timed.generators.iter().map(Generator::precision).collect();
     let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
+    let coarse = qualities.iter().any(|quality| quality.coarse);
     sum.update(format!("{} {threads} {device} {build:?} {}", processor_name(), env!("CARGO_PKG_VERSION")));
     sum.update(format!(
-        "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {precisions:?} {runs_on:?} {angles} {}",
+        "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {precisions:?} {runs_on:?} {angles} {coarse} {}",
         timed.frame_ms
     ));
     let name = format!("times-{}.json", files::hex(&sum.finalize()[..8]));
     files::cache_directory().join(name)
 }
 
+/// Ratio of times with coarse samples in tests.
+#[cfg(test)]
+const COARSE: f64 = 0.8;
+
 #[cfg(test)]
 impl Times {
-    /// Sets the additional times of maps and of angles, and the time ratio without the effect `aperture`.
+    /// Sets the additional times of maps and of angles, and the time ratio without the effect `aperture`. Coarse samples
+    /// take [`COARSE`] of the time.
     pub(super) fn insert_differences(&mut self, maps_ms: f64, angles_ms: f64, without_aperture: f64) {
+        self.coarse = Some(COARSE);
         (self.maps_ms, self.angles_ms) = (Some(maps_ms), Some(angles_ms));
         self.without_aperture = Some(without_aperture);
     }
@@ -295,6 +310,7 @@ mod tests {
             maps_ms: Some(4.0),
             angles_ms: Some(2.0),
             without_aperture: Some(0.5),
+            coarse: Some(0.75),
             run_ms: [("ab".to_owned(), 30.0)].into(),
             spread: 1.2,
         };
@@ -304,6 +320,7 @@ mod tests {
         assert_eq!([of(FrameQuality::LQ, false), of(FrameQuality::LQ, true)], [Some(20.0), Some(24.0)]);
         let lean = FrameQuality { angles: 9, aperture: false, ..FrameQuality::LQ };
         assert_eq!(of(lean, true), Some(16.0));
+        assert_eq!(of(FrameQuality { coarse: true, ..FrameQuality::LQ }, true), Some(19.0));
         assert_eq!([of(FrameQuality::new(32, 3), false), of(FrameQuality::new(2, 3), false)], [None, None]);
     }
 }

@@ -134,7 +134,7 @@ pub fn measure(
     Ok(Measured {
         name,
         quality: format!("{}x{}", settings.quality.rays, settings.quality.layers),
-        lines: [probe.scanlines, probe.sample_count()],
+        lines: [probe.scanlines, probe.sampled(settings.coarse_samples).sample_count()],
         image: [settings.image.width, settings.image.height],
         maps: settings.maps,
         frames_per_s,

@@ -121,9 +121,15 @@ impl Harness {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }
 
+    /// Whether coarse samples are fewer than the probe's own.
+    pub(super) fn takes_coarse_samples(&self) -> bool {
+        self.probe.sampled(true).sample_count() < self.probe.sample_count()
+    }
+
     /// Knobs of a live frame of this quality. Several angles are compounded over successive frames.
     pub(super) fn live_knobs(&self, quality: FrameQuality) -> Knobs {
         let knobs = self.base().with(quality.rays, quality.layers).compounded(quality.angles, quality.angles > 1);
+        let knobs = knobs.sampled(&self.probe, quality.coarse);
         if quality.aperture { knobs } else { knobs.without_aperture() }
     }
 

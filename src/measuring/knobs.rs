@@ -45,7 +45,7 @@ impl Knobs {
             reflections_max: settings.reflections_max,
             reflecting_percent: (100.0 * settings.reflecting_share).round() as u32,
             scanlines: probe.scanlines,
-            samples: probe.sample_count(),
+            samples: probe.sampled(settings.coarse_samples).sample_count(),
             beam_taps_max: settings.beam_taps_max,
             pulse_taps_max: settings.pulse_taps_max,
             angles: settings.look.odd_angles(),
@@ -73,6 +73,11 @@ impl Knobs {
     /// These knobs without the effect `aperture`.
     pub(crate) fn without_aperture(self) -> Self {
         Self { aperture: false, ..self }
+    }
+
+    /// These knobs with the samples of `probe` that are coarse if `coarse`.
+    pub(crate) fn sampled(self, probe: &Probe, coarse: bool) -> Self {
+        Self { samples: probe.sampled(coarse).sample_count(), ..self }
     }
 
     /// Applies these knobs and `seed` to `probe` and `settings`.

@@ -21,8 +21,11 @@ use crate::statistics::mean;
 pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3), (32, 3)];
 /// Numbers of steering angles of the table's operating points, in rolling compounding.
 pub const ANGLES: [u32; 3] = [1, 3, 9];
-/// Largest number of paths of operating points that are also measured without the effect `aperture`.
-const PATHS_WITHOUT_APERTURE: u32 = 3;
+/// Largest number of paths of operating points that are also measured with coarse samples, and without the effect
+/// `aperture`.
+const PATHS_OF_CHEAP_POINTS: u32 = 3;
+/// Words between a table's command and the commands of tables that it was merged with.
+const OTHERS: &str = "; other stations: ";
 /// Number of frames rendered before each measured one: the largest number of angles minus one.
 const FRAMES_BEFORE: u32 = 8;
 /// Poses at which the convergence of the reference is checked, one for each speed. References at other poses have as
@@ -69,7 +72,9 @@ impl ErrorTable {
     pub fn merged(command: String, measured: Vec<StationErrors>, others: Option<Self>) -> Self {
         let mut table = Self::new(command);
         if let Some(others) = others {
-            table.command += &format!("; other stations: {}", others.command);
+            // A command that was given before is named once.
+            let before: Vec<&str> = others.command.split(OTHERS).filter(|before| *before != table.command).collect();
+            table.command = std::iter::once(table.command.as_str()).chain(before).collect::<Vec<_>>().join(OTHERS);
             table.stations = others.stations;
         }
         table.merge(measured);
@@ -263,9 +268,16 @@ fn planned(settings: &ErrorSettings, harness: &Harness, steers: bool) -> Vec<(Fr
         RAYS_LAYERS.map(move |(rays, layers)| FrameQuality { angles, ..FrameQuality::new(rays, layers) })
     });
     let with: Vec<FrameQuality> = with.filter(wanted).collect();
-    let few = with.iter().filter(|quality| harness.base().aperture && quality.paths() <= PATHS_WITHOUT_APERTURE);
-    let without: Vec<FrameQuality> = few.map(|quality| FrameQuality { aperture: false, ..*quality }).collect();
-    let raw = with.into_iter().chain(without).map(|quality| (quality, None));
+    let few = with.iter().filter(|quality| quality.paths() <= PATHS_OF_CHEAP_POINTS);
+    let (by_aperture, by_samples) = (harness.base().aperture, harness.takes_coarse_samples());
+    let cheaper = |quality: &FrameQuality| {
+        [(true, true), (false, false), (true, false)]
+            .map(|(coarse, aperture)| FrameQuality { coarse, aperture, ..*quality })
+            .into_iter()
+            .filter(move |cheap| (by_samples || !cheap.coarse) && (by_aperture || cheap.aperture))
+    };
+    let cheap: Vec<FrameQuality> = few.flat_map(cheaper).collect();
+    let raw = with.into_iter().chain(cheap).map(|quality| (quality, None));
     let generated = harness.generated_points().into_iter().filter(|(lq, _)| wanted(lq));
     raw.chain(generated.map(|(lq, index)| (lq, Some(index)))).collect()
 }
@@ -301,5 +313,7 @@ mod tests {
         let poses: Vec<(&str, usize)> = new.stations.iter().map(|s| (s.name.as_str(), s.poses)).collect();
         assert_eq!(poses, [("a", 3), ("b", 12), ("c", 12)]);
         assert_eq!(new.command, "new; other stations: old");
+        let again = ErrorTable::merged("old".into(), Vec::new(), Some(new));
+        assert_eq!(again.command, "old; other stations: new");
     }
 }

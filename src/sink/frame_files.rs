@@ -64,7 +64,8 @@ impl FrameFiles<'_> {
         }
         png::write_grey(&file("mask.png"), width, height, &frame.mask, Effort::Small)?;
         if !frame.lines.is_empty() {
-            let shape = [record.probe.scanlines as usize, record.probe.sample_count() as usize];
+            let probe = record.probe.sampled(record.quality.coarse_samples);
+            let shape = [probe.scanlines as usize, probe.sample_count() as usize];
             npy::write_complex64(&file("lines.npy"), shape, &frame.lines)?;
         }
         write_json(&file("frame.json"), record)?;

@@ -185,7 +185,7 @@ impl FrameRecord {
             coupling: settings.contact,
             receiver: settings.receiver,
             probe: *probe,
-            lines: (!frame.lines.is_empty()).then(|| LinesRecord::new(probe)),
+            lines: (!frame.lines.is_empty()).then(|| LinesRecord::new(&probe.sampled(settings.coarse_samples))),
             contact: frame.contact,
             attenuation_p98: frame.attenuation_p98,
             overflows: frame.overflows,

@@ -75,7 +75,7 @@ const PROBE: &[KeyDoc] = &[
 #[rustfmt::skip]
 const QUALITY: &[KeyDoc] = &[
     doc("quality", "preset", "", "none", Accepts::OneOf(Preset::NAMES), "rays and layers by name: 1x1, 2x3, 32x3, 128x3"),
-    doc("quality", "frame_budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render and generate a frame: a live session chooses rays, layers, angles and generator within it, stills choose rays and layers"),
+    doc("quality", "frame_budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render and generate a frame: a live session chooses rays, layers, angles, samples and generator within it, stills choose rays and layers"),
 ];
 
 #[rustfmt::skip]

@@ -80,8 +80,8 @@ pub struct Station {
     pub settings: RenderSettings,
     /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
-    /// Time budget to render and generate a frame, ms. A live session chooses rays, layers, angles and generator by it;
-    /// a still image only rays and layers. `None`: all stay as set.
+    /// Time budget to render and generate a frame, ms. A live session chooses rays, layers, angles, samples and
+    /// generator by it; a still image only rays and layers. `None`: all stay as set.
     pub frame_budget_ms: Option<f64>,
     /// Whether the budget also chooses the angles of compounding, because `[look]` has neither angles nor a preset.
     pub angles_open: bool,

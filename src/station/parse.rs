@@ -15,7 +15,7 @@ use crate::files;
 use crate::generator;
 use crate::pose::Pose;
 use crate::settings::{
-    BackendSettings, Face, LookBase, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup,
+    BackendSettings, Face, LookBase, LookSettings, PipelineSettings, Probe, ProbeKind, Samples, SettingsGroup,
 };
 use crate::suggest::did_you_mean;
 
@@ -37,6 +37,12 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let probe = probe(&section(&mut root, "probe")?)?;
     let quality_values = section(&mut root, "quality")?;
     let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
+    if settings.coarse_samples && probe.samples != Samples::Auto {
+        quality_values.refuse(
+            &["coarse_samples"],
+            "`quality.coarse_samples` is for an automatic number of samples, and `probe.samples` is a number; leave out one of them",
+        )?;
+    }
     settings.contact = group(&mut root, "contact")?;
     settings.receiver = group(&mut root, "receiver")?;
     let look_values = section(&mut root, "look")?;

@@ -9,8 +9,8 @@ use crate::render::{Preset, RenderSettings};
 pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderSettings, StationError> {
     if values.has("frame_budget_ms") {
         values.refuse(
-            &["preset", "rays", "layers"],
-            "`quality.frame_budget_ms` chooses rays and layers; give one or the other",
+            &["preset", "rays", "layers", "coarse_samples"],
+            "`quality.frame_budget_ms` chooses rays, layers and samples; give one or the other",
         )?;
     }
     let mut settings = RenderSettings::default();
@@ -48,6 +48,7 @@ mod tests {
             ("preset = \"fast\"\nrays = 2", ["`quality.rays`", "`quality.preset`"]),
             ("layers = 3\npreset = \"fast\"", ["`quality.layers`", "`quality.preset`"]),
             ("frame_budget_ms = 40\nrays = 2", ["`quality.rays`", "`quality.frame_budget_ms`"]),
+            ("frame_budget_ms = 40\ncoarse_samples = true", ["`quality.coarse_samples`", "`quality.frame_budget_ms`"]),
             ("frame_budget_ms = 40\nlayers = 1", ["`quality.layers`", "`quality.frame_budget_ms`"]),
             ("frame_budget_ms = 40\npreset = \"fast\"", ["`quality.preset`", "`quality.frame_budget_ms`"]),
             ("preset = \"acurate\"", ["quality.preset", "did you mean `accurate`?"]),
@@ -57,5 +58,14 @@ mod tests {
             ("frame_budget = 40", ["frame_budget", "did you mean `frame_budget_ms`?"]),
         ];
         assert_refused("quality", &lines);
+    }
+
+    #[test]
+    fn coarse_samples_are_for_an_automatic_number() {
+        let coarse = "[quality]\ncoarse_samples = true\n[probe]\nsamples = ";
+        assert!(parse(&format!("{coarse}\"auto\"")).unwrap().settings.coarse_samples);
+        let error = parse(&format!("{coarse}3072")).unwrap_err().to_string();
+        assert!(error.contains("`quality.coarse_samples`") && error.contains("`probe.samples`"), "{error}");
+        assert!(parse("[quality]\ncoarse_samples = false\n[probe]\nsamples = 3072").is_ok());
     }
 }

@@ -284,12 +284,13 @@ pub(super) fn broken() -> SinkError {
     SinkError::FrameRate { fps: 0.0 }
 }
 
-/// What an observer received: events and changes of marks, and the numbers of poses and settings.
+/// What an observer received: events and changes of marks, the numbers of poses and settings, and the last settings.
 #[derive(Default)]
 pub(super) struct Counted {
     pub(super) events: Vec<(u64, String)>,
     pub(super) poses: u64,
     pub(super) settings: u64,
+    pub(super) last: Option<LiveSettings>,
     /// Each change of marks: the time since the start of the session, ns, and the control.
     pub(super) marks: Vec<(u64, Control)>,
 }
@@ -306,8 +307,10 @@ impl Observer for Heard {
         self.0.lock().unwrap().poses += 1;
     }
 
-    fn settings(&self, _: u64, _: &LiveSettings) {
-        self.0.lock().unwrap().settings += 1;
+    fn settings(&self, _: u64, settings: &LiveSettings) {
+        let mut heard = self.0.lock().unwrap();
+        heard.settings += 1;
+        heard.last = Some(*settings);
     }
 
     fn marks(&self, unix_ns: u64, start_unix_ns: u64, control: &Control) {

@@ -113,6 +113,32 @@ fn a_quality_that_is_set_by_hand_stays() {
 }
 
 #[test]
+fn a_quality_by_hand_brings_back_what_the_budget_lowered() {
+    let _guard = beside_others();
+    let (clock, heard) = (clock(), Arc::<Heard>::default());
+    let (sender, controls) = tokio::sync::mpsc::channel(1);
+    let cheap = FrameQuality { coarse: true, aperture: false, ..FrameQuality::LQ };
+    let candidates = vec![raw(&(4, 3, 14.0)), Candidate { quality: cheap, ..raw(&(1, 1, 20.0)) }];
+    let (log, watched) = (Log::default(), heard.clone());
+    let viewer = sink("viewer", move |_| {
+        let lowered = |heard: &Counted| {
+            heard.last.as_ref().is_some_and(|live| FrameQuality::of(&live.render) == cheap) && heard.settings < 3
+        };
+        if lowered(&watched.0.lock().unwrap()) {
+            let _ = sender.try_send(Control::Set(vec![Assignment::new("rays", 2.0), Assignment::new("layers", 1.0)]));
+        }
+        Ok(())
+    });
+    let points = controller(candidates, &[]);
+    let sinks = vec![viewer, logger(&log)];
+    let summary = Session { controls, sinks, ..budgeted(&clock, &heard, points) }.run();
+    let points = summary.points.unwrap();
+    assert!(points.by_hand && points.lowered == 1, "{points:?}");
+    let last = heard.0.lock().unwrap().last.map(|live| FrameQuality::of(&live.render));
+    assert_eq!(last, Some(FrameQuality::new(2, 1)));
+}
+
+#[test]
 fn the_point_follows_the_speed_that_the_tracker_reports() {
     let _guard = beside_others();
     let (clock, heard) = (clock(), Arc::<Heard>::default());

@@ -93,15 +93,16 @@ impl Configuration {
         settings.validate()?;
         let effects = media.plan(probe, settings);
         let planned = effects.settings(settings);
+        let sampled = probe.sampled(settings.coarse_samples);
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
-            Some(before) => Arc::new(before.tables.with_angles(probe, &planned)),
+            Some(before) => Arc::new(before.tables.with_angles(&sampled, &planned)),
             None => {
                 let known = before.map(|before| &before.tables).into_iter().chain(known);
-                Tables::new(&media.tissues, probe, &planned, effects.effects(), known)
+                Tables::new(&media.tissues, &sampled, &planned, effects.effects(), known)
             }
         };
-        let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
+        let params = Params::new(media.outside, &sampled, &planned, &tables, effects.effects());
         Ok(Self { probe: *probe, settings: *settings, effects, params, tables })
     }
 
@@ -141,6 +142,7 @@ impl Configuration {
         self.settings = *settings;
         self.effects = media.plan(&self.probe, settings);
         let planned = self.effects.settings(settings);
-        self.params = Params::new(media.outside, &self.probe, &planned, &self.tables, self.effects.effects());
+        let sampled = self.probe.sampled(settings.coarse_samples);
+        self.params = Params::new(media.outside, &sampled, &planned, &self.tables, self.effects.effects());
     }
 }

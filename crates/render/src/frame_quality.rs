@@ -1,4 +1,4 @@
-//! Quality of a live frame: rays, layers, steering angles and the effect `aperture`.
+//! Quality of a live frame: rays, layers, steering angles, samples and the effect `aperture`.
 
 use std::fmt;
 
@@ -18,6 +18,9 @@ pub struct FrameQuality {
     /// shows the mean of the latest pictures of all angles.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub angles: u32,
+    /// Whether an automatic number of samples is two thirds of the usual one.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub coarse: bool,
     /// Whether obstacles shadow the aperture as a whole; if false, they shadow each path alone.
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub aperture: bool,
@@ -39,15 +42,19 @@ fn is_yes(aperture: &bool) -> bool {
     *aperture
 }
 
+fn is_no(coarse: &bool) -> bool {
+    !*coarse
+}
+
 impl FrameQuality {
     /// Low quality: 1 ray × 1 layer.
     pub const LQ: Self = Self::new(1, 1);
     /// High quality: 32 rays × 3 layers.
     pub const HQ: Self = Self::new(32, 3);
 
-    /// Quality with one steering angle and with the effect `aperture`.
+    /// Quality with one steering angle, all samples and the effect `aperture`.
     pub const fn new(rays: u32, layers: u32) -> Self {
-        Self { rays, layers, angles: 1, aperture: true }
+        Self { rays, layers, angles: 1, coarse: false, aperture: true }
     }
 
     /// Quality of these settings.
@@ -56,6 +63,7 @@ impl FrameQuality {
             rays: settings.quality.rays,
             layers: settings.quality.layers,
             angles: settings.look.odd_angles(),
+            coarse: settings.coarse_samples,
             aperture: settings.effects.of(Effect::Aperture) != Choice::Off,
         }
     }
@@ -65,6 +73,7 @@ impl FrameQuality {
     pub fn apply(&self, settings: &RenderSettings, aperture: Choice) -> RenderSettings {
         let mut next = *settings;
         (next.quality.rays, next.quality.layers, next.look.angles) = (self.rays, self.layers, self.angles);
+        next.coarse_samples = self.coarse;
         next.effects = next.effects.with(Effect::Aperture, if self.aperture { aperture } else { Choice::Off });
         next
     }
@@ -82,10 +91,13 @@ impl FrameQuality {
 
 impl fmt::Display for FrameQuality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rays, layers, angles, aperture } = self;
+        let Self { rays, layers, angles, coarse, aperture } = self;
         write!(f, "{rays}x{layers}")?;
         if *angles > 1 {
             write!(f, " of {angles} angles")?;
+        }
+        if *coarse {
+            write!(f, " with coarse samples")?;
         }
         if *aperture { Ok(()) } else { write!(f, " without aperture") }
     }
@@ -104,6 +116,7 @@ mod tests {
             FrameQuality::LQ,
             FrameQuality { angles: 3, ..FrameQuality::new(4, 3) },
             FrameQuality { aperture: false, ..FrameQuality::new(2, 5) },
+            FrameQuality { coarse: true, ..FrameQuality::LQ },
         ] {
             let applied = quality.apply(&seeded, Choice::Auto);
             assert_eq!((FrameQuality::of(&applied), applied.quality.seed), (quality, 7));
@@ -116,5 +129,6 @@ mod tests {
         assert_eq!(toml::to_string(&FrameQuality::new(2, 3)).unwrap(), "rays = 2\nlayers = 3\n");
         let text = FrameQuality { angles: 3, aperture: false, ..FrameQuality::new(1, 3) }.to_string();
         assert_eq!(text, "1x3 of 3 angles without aperture");
+        assert_eq!(FrameQuality { coarse: true, ..FrameQuality::LQ }.to_string(), "1x1 with coarse samples");
     }
 }

@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     fn quality(rays: u32, layers: u32, angles: u32) -> FrameQuality {
-        FrameQuality { rays, layers, angles, aperture: true }
+        FrameQuality { angles, ..FrameQuality::new(rays, layers) }
     }
 
     fn header(lq_angles: u32, hq_angles: u32) -> Header {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::{Device, RenderStage};
+use crate::chooser::PointController;
 use crate::pipeline::generator_link::RunEnd;
 use crate::pipeline::parts::RenderFault;
 use crate::presented::PointText;
@@ -21,6 +22,12 @@ impl RenderStage {
         metrics.refused.fetch_add(changes.refused, Ordering::Relaxed);
         if changes.quit {
             self.parts.stop.request("asked by a watcher");
+        }
+        if changes.quality && self.parts.points.as_ref().is_some_and(PointController::chooses_quality) {
+            // What the budget lowered beside rays and layers comes back.
+            let render = self.parts.controls.live.render;
+            let whole = FrameQuality { coarse: false, aperture: true, ..FrameQuality::of(&render) };
+            self.parts.controls.live.render = whole.apply(&render, self.parts.aperture);
         }
         if changes.picture && self.reconfigure(&before) {
             self.begin_trial(&before);

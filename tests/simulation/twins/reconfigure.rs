@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use insonify::render::{
     BackendError, Frame, FrameTimes, ImageSettings, Quality, RenderError, RenderSettings, Renderer, ShaderSet,
 };
-use insonify::settings::{Kind, Setting, SettingsGroup as _};
+use insonify::settings::{Kind, Samples, Setting, SettingsGroup as _};
 use insonify::transducer::{Probe, ProbeKind};
 
 use crate::twins::across::assert_alike;
@@ -16,7 +16,7 @@ pub(crate) type Change = fn(&mut Probe, &mut RenderSettings);
 type Expected = fn(&RenderError) -> bool;
 
 /// Changes of a station's settings, one by one and together.
-pub(crate) const CHANGES: [(&str, Change); 16] = [
+pub(crate) const CHANGES: [(&str, Change); 18] = [
     ("nothing", |_, _| ()),
     ("gain", |_, s| s.image.gain_db = 31.0),
     ("dynamic range", |_, s| s.image.dynamic_range_db = 45.0),
@@ -31,6 +31,8 @@ pub(crate) const CHANGES: [(&str, Change); 16] = [
     ("image", |_, s| (s.image.width, s.image.height) = (97, 61)),
     ("lines", |_, s| s.lines = !s.lines),
     ("samples", |p, _| (p.samples, p.scanlines) = (333.into(), 17)),
+    ("automatic samples", |p, _| p.samples = Samples::Auto),
+    ("coarse samples", |p, s| (p.samples, s.coarse_samples) = (Samples::Auto, true)),
     ("linear", |p, _| p.kind = ProbeKind::Linear { width_mm: 60.0 }),
     ("all", |p, s| {
         p.kind = ProbeKind::Phased { fov_deg: 80.0 };
@@ -79,6 +81,9 @@ fn a_renderer_configured_anew_is_one_that_was_built_so() {
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         assert!(render(&mut renderer, case) == *expected, "{name}");
         assert_eq!((renderer.probe(), renderer.settings()), (&case.probe, &case.settings));
+        let sampled = case.probe.sampled(case.settings.coarse_samples);
+        let samples = (sampled.scanlines * sampled.sample_count()) as usize;
+        assert_eq!(expected.lines.len(), if case.settings.lines { samples } else { 0 }, "{name}");
         assert_eq!(*name == "nothing", *expected == begun, "{name}");
     }
     renderer.reconfigure(&start.probe, &start.settings).unwrap();
@@ -128,8 +133,8 @@ fn a_change_of_any_setting_makes_what_it_needs() {
         let built = render(&mut case.renderer(&ShaderSet::default()), &case);
         renderer.reconfigure(&case.probe, &case.settings).unwrap();
         assert!(render(&mut renderer, &case) == built, "{}", setting.path);
-        // All of a few paths follow reflections, whatever the share.
-        let unread = setting.key == "reflecting_share";
+        // All of a few paths follow reflections, whatever the share. A number of samples is never coarse.
+        let unread = ["reflecting_share", "coarse_samples"].contains(&setting.key);
         assert_eq!(built != begun, !unread, "{}: no pass reads it", setting.path);
         renderer.reconfigure(&start.probe, &start.settings).unwrap();
     }

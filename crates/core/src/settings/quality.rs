@@ -57,6 +57,9 @@ settings! {
         /// Fraction of a scanline's paths that follow reflections; at least 24 paths follow them, or all if there are fewer.
         reflecting_share: f64 = REFLECTING_SHARE, "", 0.0..=1.0, Nothing;
 
+        /// Whether an automatic number of samples is two thirds of the usual one: less time, and a coarser picture.
+        coarse_samples: bool = false, "", 0.0..=1.0, Everything;
+
         /// Largest number of taps of the lateral beam, rounded down to odd; a wider beam is cut, with narrower speckle.
         beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
 

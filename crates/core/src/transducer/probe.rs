@@ -10,6 +10,8 @@ use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
 /// envelope has fallen by 24 dB at half the sampling rate. With fewer samples, echoes between them would be displayed
 /// longer (`docs/notes/samples.md`).
 const SIGMAS_PER_SAMPLE: f64 = 4.0 / 3.0;
+/// Ratio of the number of coarse samples to the automatic number: coarse samples are 2 standard deviations apart.
+const COARSE_SHARE: f64 = 2.0 / 3.0;
 /// Range of the distance between samples, in standard deviations of the pulse's envelope, over which the envelope is
 /// also detected midway between them. Below the range, grey levels are fine enough at the samples alone. Above it,
 /// pulses of neighbouring samples hardly overlap midway.
@@ -20,14 +22,29 @@ pub const BLOCK_SAMPLES: u32 = 16;
 /// Largest automatic number of blocks.
 const BLOCKS_MAX: u32 = SAMPLES_MAX / BLOCK_SAMPLES - 1;
 
+/// Number of samples in the next odd number of whole blocks.
+fn whole_blocks(samples: u32) -> u32 {
+    BLOCK_SAMPLES * (samples.div_ceil(BLOCK_SAMPLES).min(BLOCKS_MAX) | 1)
+}
+
 impl Probe {
     /// Number of samples per scanline: `samples`, or as many as the pulse needs over the depth of the image. An
     /// automatic number is an odd multiple of 16, up to 8176.
     pub fn sample_count(&self) -> u32 {
         match self.samples {
             Samples::Number(samples) => samples,
-            Samples::Auto => BLOCK_SAMPLES * (self.samples_needed().div_ceil(BLOCK_SAMPLES).min(BLOCKS_MAX) | 1),
+            Samples::Auto => whole_blocks(self.samples_needed()),
         }
+    }
+
+    /// This probe with a fixed number of samples. If the number is automatic and `coarse`, samples are 2 standard
+    /// deviations of the pulse's envelope apart, half again as far as else.
+    pub fn sampled(&self, coarse: bool) -> Self {
+        let samples = match self.samples {
+            Samples::Auto if coarse => whole_blocks((COARSE_SHARE * f64::from(self.samples_needed())).ceil() as u32),
+            _ => self.sample_count(),
+        };
+        Self { samples: samples.into(), ..*self }
     }
 
     /// Number of samples per scanline that the pulse's bandwidth needs.
@@ -175,6 +192,20 @@ impl Probe {
 mod tests {
     use super::*;
     use crate::settings::SettingsGroup as _;
+
+    #[test]
+    fn coarse_samples_are_two_sigmas_apart_at_most_and_named_numbers_stay() {
+        for frequency_mhz in [1.5, 3.5, 8.0, 15.0] {
+            let probe = Probe { frequency_mhz, samples: Samples::Auto, ..Probe::default() };
+            let (all, coarse) = (probe.sampled(false), probe.sampled(true));
+            assert_eq!(all.sample_count(), probe.sample_count());
+            let share = f64::from(coarse.sample_count()) / f64::from(all.sample_count());
+            assert!((0.6..0.75).contains(&share), "{frequency_mhz} MHz: {share}");
+            assert_eq!((coarse.levels_per_sample(), coarse.sample_count() / BLOCK_SAMPLES % 2), (2, 1));
+            let named = Probe { samples: 3072.into(), ..probe };
+            assert_eq!(named.sampled(true), named);
+        }
+    }
 
     #[test]
     fn automatic_samples_are_a_pulse_apart_at_every_frequency_and_depth() {
