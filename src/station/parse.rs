@@ -40,7 +40,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     if settings.coarse_samples && probe.samples != Samples::Auto {
         quality_values.refuse(
             &["coarse_samples"],
-            "`quality.coarse_samples` is for an automatic number of samples, and `probe.samples` is a number; leave out one of them",
+            "`probe.samples` is a number, and coarse samples are for \"auto\"; leave out one of them",
         )?;
     }
     settings.contact = group(&mut root, "contact")?;
