@@ -6,7 +6,7 @@ use crate::generator::{Generator, Quality};
 use crate::measuring::{ErrorMeasure, ExpectedErrors, GeneratorKey};
 use crate::pose::BySpeed;
 use crate::render::{Choice, Effect, FrameQuality};
-use crate::settings::{RenderSettings, Samples};
+use crate::settings::RenderSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
 
@@ -74,7 +74,7 @@ impl Open {
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A single angle of a fixed quality counts as open: the hint then compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
-        let coarse = station.probe.samples == Samples::Auto;
+        let coarse = station.probe.sampled(true).sample_count() < station.probe.sample_count();
         Self { own, angles: angles && steers, coarse, aperture }
     }
 

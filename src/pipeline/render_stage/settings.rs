@@ -16,7 +16,7 @@ impl RenderStage {
     pub(super) fn apply_controls(&mut self) {
         let events = &self.parts.events;
         let before = self.parts.controls.live;
-        let changes = self.parts.controls.apply_waiting(|text| events.warn(text), |control| events.marks(control));
+        let mut changes = self.parts.controls.apply_waiting(|text| events.warn(text), |control| events.marks(control));
         let metrics = self.parts.metrics.clone();
         metrics.controls.fetch_add(changes.applied, Ordering::Relaxed);
         metrics.refused.fetch_add(changes.refused, Ordering::Relaxed);
@@ -24,10 +24,12 @@ impl RenderStage {
             self.parts.stop.request("asked by a watcher");
         }
         if changes.quality && self.parts.points.as_ref().is_some_and(PointController::chooses_quality) {
-            // What the budget lowered beside rays and layers comes back.
+            // All samples and the effect `aperture` come back, which the budget may have left out.
             let render = self.parts.controls.live.render;
             let whole = FrameQuality { coarse: false, aperture: true, ..FrameQuality::of(&render) };
             self.parts.controls.live.render = whole.apply(&render, self.parts.aperture);
+            changes.picture |= !before.same_picture(&self.parts.controls.live);
+            changes.any |= before != self.parts.controls.live;
         }
         if changes.picture && self.reconfigure(&before) {
             self.begin_trial(&before);
