@@ -74,7 +74,7 @@ impl Open {
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A single angle of a fixed quality counts as open: the hint then compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
-        let coarse = station.probe.sampled(true).sample_count() < station.probe.sample_count();
+        let coarse = station.probe.has_coarse_samples();
         Self { own, angles: angles && steers, coarse, aperture }
     }
 

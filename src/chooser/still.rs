@@ -82,7 +82,7 @@ pub fn choose_still(
     let mut points: Vec<(FrameQuality, f64)> = Vec::new();
     for known in expected.qualities().into_iter().filter(|quality| quality.aperture) {
         let quality = FrameQuality { rays: known.rays, layers: known.layers, ..own };
-        let error = expected.of(FrameQuality { aperture: true, ..quality }, None, ProbeSpeed::AtRest);
+        let error = expected.of(FrameQuality { coarse: false, aperture: true, ..quality }, None, ProbeSpeed::AtRest);
         if let Some(error) = error
             && points.iter().all(|(point, _)| *point != quality)
         {

@@ -23,9 +23,8 @@ const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// compared with a converged reference of 9 angles with all effects: by the error that an eye sees, with its parts of
 /// levels and texture, and pixel by pixel. Operating points are rays x layers x angles of rolling compounding, some of
 /// them with coarse samples or without the effect aperture, and the station's generators on the frames that they were
-/// trained for. A rolling
-/// picture compounds frames at the probe's earlier poses, at the station's frame rate. The table holds errors by speed,
-/// but no times: sessions measure those.
+/// trained for. A rolling picture compounds frames at the probe's earlier poses, at the station's frame rate. The table
+/// holds errors by speed, but no times: sessions measure those.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

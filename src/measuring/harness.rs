@@ -123,7 +123,7 @@ impl Harness {
 
     /// Whether coarse samples are fewer than the probe's own.
     pub(super) fn takes_coarse_samples(&self) -> bool {
-        self.probe.sampled(true).sample_count() < self.probe.sample_count()
+        self.probe.has_coarse_samples()
     }
 
     /// Knobs of a live frame of this quality. Several angles are compounded over successive frames.

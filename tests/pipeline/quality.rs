@@ -115,6 +115,14 @@ fn a_quality_that_is_set_by_hand_stays() {
 #[test]
 fn a_quality_by_hand_brings_back_what_the_budget_lowered() {
     let _guard = beside_others();
+    // One ray is what the lowered quality has, too.
+    for rays in [1, 2] {
+        brings_back_what_the_budget_lowered(rays);
+    }
+}
+
+/// Checks a session whose budget lowers samples and aperture, and whose watcher then sets the number of rays.
+fn brings_back_what_the_budget_lowered(rays: u32) {
     let (clock, heard) = (clock(), Arc::<Heard>::default());
     let (sender, controls) = tokio::sync::mpsc::channel(1);
     let cheap = FrameQuality { coarse: true, aperture: false, ..FrameQuality::LQ };
@@ -125,7 +133,7 @@ fn a_quality_by_hand_brings_back_what_the_budget_lowered() {
             heard.last.as_ref().is_some_and(|live| FrameQuality::of(&live.render) == cheap) && heard.settings < 3
         };
         if lowered(&watched.0.lock().unwrap()) {
-            let _ = sender.try_send(Control::Set(vec![Assignment::new("rays", 2.0), Assignment::new("layers", 1.0)]));
+            let _ = sender.try_send(Control::Set(vec![Assignment::new("rays", rays.into())]));
         }
         Ok(())
     });
@@ -135,7 +143,7 @@ fn a_quality_by_hand_brings_back_what_the_budget_lowered() {
     let points = summary.points.unwrap();
     assert!(points.by_hand && points.lowered == 1, "{points:?}");
     let last = heard.0.lock().unwrap().last.map(|live| FrameQuality::of(&live.render));
-    assert_eq!(last, Some(FrameQuality::new(2, 1)));
+    assert_eq!(last, Some(FrameQuality::new(rays, 1)), "{rays} rays");
 }
 
 #[test]

@@ -114,11 +114,12 @@ impl Configuration {
             );
         }
         let needed = self.probe.samples_needed();
-        let made = self.probe.sample_count();
-        let told = previous.is_some_and(|p| (p.probe.samples_needed(), p.probe.sample_count()) == (needed, made));
-        if self.probe.samples == Samples::Auto && made < needed && !told {
+        let most = self.probe.sample_count();
+        let told = previous.is_some_and(|p| (p.probe.samples_needed(), p.probe.sample_count()) == (needed, most));
+        if self.probe.samples == Samples::Auto && most < needed && !told {
             tracing::warn!(
-                "the pulse needs {needed} samples per scanline and {made} are made, so speckle is coarser than the pulse: lower probe.depth_mm, probe.frequency_mhz or probe.fractional_bandwidth"
+                "the pulse needs {needed} samples per scanline and {} are made, so speckle is coarser than the pulse: lower probe.depth_mm, probe.frequency_mhz or probe.fractional_bandwidth",
+                self.params.samples
             );
         }
         let known = |clipped: &ClippedKernel| previous.is_some_and(|p| p.tables.kernels.clipped.contains(clipped));

@@ -10,7 +10,7 @@ use crate::settings::{Probe, ProbeKind, SAMPLES_MAX, Samples};
 /// envelope has fallen by 24 dB at half the sampling rate. With fewer samples, echoes between them would be displayed
 /// longer (`docs/notes/samples.md`).
 const SIGMAS_PER_SAMPLE: f64 = 4.0 / 3.0;
-/// Ratio of the number of coarse samples to the automatic number: coarse samples are 2 standard deviations apart.
+/// Ratio of the number of coarse samples to the automatic number: coarse samples are up to 2 standard deviations apart.
 const COARSE_SHARE: f64 = 2.0 / 3.0;
 /// Range of the distance between samples, in standard deviations of the pulse's envelope, over which the envelope is
 /// also detected midway between them. Below the range, grey levels are fine enough at the samples alone. Above it,
@@ -37,14 +37,19 @@ impl Probe {
         }
     }
 
-    /// This probe with a fixed number of samples. If the number is automatic and `coarse`, samples are 2 standard
-    /// deviations of the pulse's envelope apart, half again as far as else.
+    /// This probe with a fixed number of samples. An automatic number becomes about two thirds of itself if `coarse`:
+    /// samples are then at most 2 standard deviations of the pulse's envelope apart, unless the number is capped.
     pub fn sampled(&self, coarse: bool) -> Self {
         let samples = match self.samples {
             Samples::Auto if coarse => whole_blocks((COARSE_SHARE * f64::from(self.samples_needed())).ceil() as u32),
             _ => self.sample_count(),
         };
         Self { samples: samples.into(), ..*self }
+    }
+
+    /// Whether coarse samples are fewer than the probe's own: not with a named number, and not of short scanlines.
+    pub fn has_coarse_samples(&self) -> bool {
+        self.sampled(true).sample_count() < self.sample_count()
     }
 
     /// Number of samples per scanline that the pulse's bandwidth needs.
@@ -204,6 +209,7 @@ mod tests {
             assert_eq!((coarse.levels_per_sample(), coarse.sample_count() / BLOCK_SAMPLES % 2), (2, 1));
             let named = Probe { samples: 3072.into(), ..probe };
             assert_eq!(named.sampled(true), named);
+            assert!(probe.has_coarse_samples() && !named.has_coarse_samples());
         }
     }
 

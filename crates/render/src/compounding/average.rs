@@ -100,6 +100,7 @@ fn accumulate(
     // Positions of the blocks in the angle's picture, in parts of a pixel. A block is displaced like its middle.
     let (mut lefts, mut tops) = ([0i32; BLOCKS], [0i32; BLOCKS]);
     let middle = 0.5 * (BLOCK - 1) as f64;
+    // Wrapping: overflow checks would keep the loop scalar. Columns are small.
     for block in 0..BLOCKS {
         let first = (column.wrapping_add(BLOCK.wrapping_mul(block))) as f64;
         let at = row_start + (first + middle) * *per_column;
