@@ -98,6 +98,7 @@ def tradeoff_summary(steps):
         knobs, time, error = point["knobs"], point["time"], point["error"]
         row = {"name": point["name"], "generator": point["generator"], "on_front": point["on_front"]}
         row |= {"median_ms": time["median_ms"], "p95_ms": time["p95_ms"]}
+        row |= {"seen": error["seen"]["whole"], "levels": error["seen"]["levels"], "texture": error["seen"]["texture"]}
         row |= {"rmse": error["rmse"], "psnr_db": error["psnr_db"], "ssim": error["ssim"]}
         rows.append(row | {"all_effects": bool(knobs["all_effects"])})
     effects = [

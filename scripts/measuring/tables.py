@@ -80,35 +80,30 @@ def tradeoff(data):
     found = by_name(data)
     shown = sorted((found[name] | {"shown": shown} for name, shown in SHOWN.items() if name in found), key=lambda row: row["median_ms"])
     rows = [
-        [row["shown"], number(row["median_ms"]), number(row["rmse"]), number(100 * row["ssim"])]
+        [row["shown"], *(number(row[key]) for key in ("median_ms", "seen", "levels", "texture"))]
         for row in shown
     ]
-    return table(["rays × layers, angles", "ms a frame:", "pixel error:", "SSIM, %:"], rows)
+    return table(["rays × layers, angles", "ms a frame:", "seen error:", "levels:", "texture:"], rows)
 
 
 # Budget of configs/live.toml, ms.
 FRAME_BUDGET_MS = 64
 
 
-def is_better(row, other):
-    """A point that is nearer to the reference by pixel error and not farther by SSIM."""
-    return row["rmse"] < other["rmse"] and row["ssim"] >= other["ssim"]
-
-
 def shown_point(row):
-    """Name of a point in the README's table, with its errors."""
+    """Name of a point in the README's table, with its seen error."""
     name = SHOWN.get(row["name"], f"`{row['name']}`")
-    return f"{name} (SSIM {number(100 * row['ssim'])} %, {number(row['rmse'])} grey levels)"
+    return f"{name} ({number(row['seen'])} grey levels)"
 
 
 def tradeoff_summary(data):
     rows = [row for row in data["rows"] if not row["all_effects"]]
     within = [row for row in rows if row["p95_ms"] <= FRAME_BUDGET_MS]
-    nearest = lambda chosen: min(chosen, key=lambda row: row["rmse"], default=None)  # noqa: E731
+    nearest = lambda chosen: min(chosen, key=lambda row: row["seen"], default=None)  # noqa: E731
     plain = nearest([row for row in within if not row["generator"]])
     translated = nearest([row for row in within if row["generator"]])
     first, second = plain, translated
-    if plain is None or (translated is not None and is_better(translated, plain)):
+    if plain is None or (translated is not None and translated["seen"] < plain["seen"]):
         first, second = translated, plain
     best = f"Within the {FRAME_BUDGET_MS} ms of `configs/live.toml` "
     best += "no point keeps its p95" if first is None else f"the best point is {shown_point(first)}"

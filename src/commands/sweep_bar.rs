@@ -31,8 +31,8 @@ impl SweepBar {
             Step::Point { point, number, total, left_s } => {
                 let left =
                     if number < total { format!(", about {} left", output::duration(left_s)) } else { String::new() };
-                let (ms, rmse) = (point.time.median_ms, point.error.rmse);
-                eprintln!("[{number}/{total}] {}: {ms:.1} ms, error {rmse:.2}{left}", point.name);
+                let (ms, error) = (point.time.median_ms, point.error.seen.whole);
+                eprintln!("[{number}/{total}] {}: {ms:.1} ms, seen error {error:.2}{left}", point.name);
             }
             Step::Error(point) => {
                 // Removes the bar before the line is printed.

@@ -21,7 +21,7 @@ use super::{Failure, input, output, session};
 /// probe); without the effect aperture; with all effects. Every other knob is varied alone, around 8 x 3. A station's
 /// generators run on the frames that they were trained for. The receiver's noise is omitted, because it is no error of
 /// the picture. Each point gets a time (with maps, from the call until the frame is in memory) and an error within the
-/// sector. The Pareto front uses the error of pixels, because the reference has little speckle.
+/// sector. The Pareto front uses the seen error: differences of local levels and of the strength of texture.
 ///
 /// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
 /// without each effect that the theory covers. It states the effect's cost in the station's scene at 1 x 1. Steps of

@@ -10,7 +10,7 @@ use super::{Knobs, MeasuringError, Planned, Point};
 use crate::anatomy::Scene;
 use crate::generator::{Channel, Generator, Input, load_generators};
 use crate::pose::Pose;
-use crate::quality::{SeenError, level_difference, seen_error};
+use crate::quality::{SeenError, seen_error};
 use crate::render::{Frame, FrameQuality, Job, Quality, RenderSettings, Renderer};
 use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
@@ -251,7 +251,7 @@ impl Harness {
                 }
                 if let Some(error) = errors.get_mut(index) {
                     error.rmse[turn] = rmse(&image, reference)?;
-                    error.level_rmse[turn] = level_difference(&reference.pair(&image)?)?[1];
+                    error.seen[turn] = seen_error(&reference.pair(&image)?)?;
                 }
             }
         }

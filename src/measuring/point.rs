@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Knobs;
+use crate::quality::SeenError;
 
 /// An operating point with its measured time and errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -61,15 +62,13 @@ pub struct PassMs {
 /// Errors relative to the reference, within the sector, averaged over poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out.
-    pub level_rmse: f64,
-    /// Difference of `level_rmse` between two seeds, grey levels.
-    pub level_rmse_spread: f64,
-    /// RMS difference of pixels, grey levels: the error of the Pareto front. Other samples, scanlines and kernels
-    /// change the speckle, so it is valid only for points with the reference's values of them.
+    /// Seen error and its parts, grey levels: the error of the Pareto front.
+    pub seen: SeenError,
+    /// Difference of the seen error between two seeds, grey levels.
+    pub seen_spread: f64,
+    /// RMS difference of pixels, grey levels. Other samples, scanlines and kernels change the speckle, so it is valid
+    /// only for points with the reference's values of them.
     pub rmse: f64,
-    /// Difference of `rmse` between two seeds, grey levels.
-    pub rmse_spread: f64,
     /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, if all are equal.
     #[serde(with = "crate::quality::infinite_is_null")]
     pub psnr_db: f64,
@@ -107,10 +106,9 @@ pub struct ClassError {
 
 /// Marks the Pareto-optimal points: no other point is at least as fast and as accurate, and better in one of the two.
 ///
-/// Accuracy is the error of pixels. The compounded reference has little speckle, so the speckle of a picture is an
-/// error.
+/// Accuracy is the seen error.
 pub(crate) fn mark_front(points: &mut [Point]) {
-    let all: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
+    let all: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.seen.whole]).collect();
     for (point, mine) in points.iter_mut().zip(&all) {
         let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
         point.on_front = mine.iter().all(|v| v.is_finite()) && !all.iter().any(beats);
@@ -122,8 +120,8 @@ pub(crate) fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
         .map(|p| {
-            let values = [p.time.median_ms, p.error.rmse];
-            (p.name.clone(), values, [p.time.spread_ms, p.error.rmse_spread])
+            let values = [p.time.median_ms, p.error.seen.whole];
+            (p.name.clone(), values, [p.time.spread_ms, p.error.seen_spread])
         })
         .collect();
     for (point, (_, mine, spread)) in points.iter_mut().zip(&all) {
@@ -141,7 +139,7 @@ pub(super) mod tests {
     use crate::render::RenderSettings;
     use crate::transducer::Probe;
 
-    pub(in crate::measuring) fn point(name: &str, median_ms: f64, rmse: f64, against: Option<&str>) -> Point {
+    pub(in crate::measuring) fn point(name: &str, median_ms: f64, seen: f64, against: Option<&str>) -> Point {
         Point {
             name: name.into(),
             sweep: "rays x layers".into(),
@@ -156,10 +154,9 @@ pub(super) mod tests {
                 passes: vec![PassMs { name: "trace".into(), median_ms: 0.5 * median_ms }],
             },
             error: Errors {
-                level_rmse: 25.5,
-                level_rmse_spread: 0.25,
-                rmse,
-                rmse_spread: 0.5,
+                seen: SeenError { whole: seen, levels: 0.75 * seen, texture: 0.5 * seen },
+                seen_spread: 0.5,
+                rmse: 25.5,
                 psnr_db: 20.0,
                 identical: 0,
                 ssim: 0.5,
@@ -187,8 +184,8 @@ pub(super) mod tests {
         let values =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
         let mut points: Vec<Point> = values.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
-        // `level_rmse` does not count.
-        points[3].error.level_rmse = 0.0;
+        // The error of pixels does not count.
+        points[3].error.rmse = 0.0;
         mark_front(&mut points);
         let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();
         assert_eq!(front, [true, true, false, false, true, true, false]);

@@ -4,13 +4,13 @@ use super::reference::Reference;
 use super::{ClassError, Errors};
 use crate::quality::speckle::speckle;
 use crate::quality::structures::{contrast_lost, structures};
-use crate::quality::{ClassSpeckle, ClassStructure, QualityError, Scores, psnr_db};
+use crate::quality::{ClassSpeckle, ClassStructure, QualityError, Scores, SeenError, psnr_db};
 use crate::statistics::mean;
 
 /// Errors of an operating point at one pose.
 pub(super) struct PoseError {
     pub(super) rmse: [f64; 2],
-    pub(super) level_rmse: [f64; 2],
+    pub(super) seen: [SeenError; 2],
     pub(super) scores: Scores,
     pub(super) speckle: Vec<ClassSpeckle>,
     pub(super) structures: Vec<ClassStructure>,
@@ -21,7 +21,7 @@ impl PoseError {
     pub(super) fn of(image: &[u8], reference: &Reference, range_db: f64) -> Result<Self, QualityError> {
         Ok(Self {
             rmse: [0.0; 2],
-            level_rmse: [0.0; 2],
+            seen: [SeenError::default(); 2],
             scores: Scores::of(&reference.pair(image)?),
             speckle: speckle(image, &reference.segmentation, reference.size, range_db)?,
             structures: structures(image, &reference.bmode, &reference.segmentation, reference.size)?,
@@ -56,17 +56,21 @@ pub(super) fn classes(tissues: &[String], errors: &[PoseError], references: &[Re
 pub(super) fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
     let over = |of: &dyn Fn(&PoseError) -> f64| mean(errors.iter().map(of)).unwrap_or(f64::NAN);
     let pixels_of = [0, 1].map(|turn| over(&|e| e.rmse[turn]));
-    let levels_of = [0, 1].map(|turn| over(&|e| e.level_rmse[turn]));
+    let seen_of = |part: fn(&SeenError) -> f64| [0, 1].map(|turn| over(&|e| part(&e.seen[turn])));
+    let whole_of = seen_of(|seen| seen.whole);
     let middle = |[first, second]: [f64; 2]| 0.5 * (first + second);
     let spread = |[first, second]: [f64; 2]| (first - second).abs();
     let finite = errors.iter().map(|e| e.scores.psnr_db).filter(|db| db.is_finite());
     let pixels: usize = classes.iter().map(|c| c.pixels).sum();
     let grey: f64 = classes.iter().map(|c| c.grey_difference.abs() * c.pixels as f64).sum();
     Errors {
-        level_rmse: middle(levels_of),
-        level_rmse_spread: spread(levels_of),
+        seen: SeenError {
+            whole: middle(whole_of),
+            levels: middle(seen_of(|seen| seen.levels)),
+            texture: middle(seen_of(|seen| seen.texture)),
+        },
+        seen_spread: spread(whole_of),
         rmse: middle(pixels_of),
-        rmse_spread: spread(pixels_of),
         psnr_db: mean(finite).unwrap_or(f64::INFINITY),
         identical: errors.iter().filter(|e| e.scores.psnr_db.is_infinite()).count(),
         ssim: over(&|e| e.scores.ssim),

@@ -17,7 +17,7 @@ pub fn csv(points: &[Point]) -> String {
     if let Some(first) = points.first() {
         first.knobs.values().iter().for_each(|(name, _)| text += &format!("{name},"));
     }
-    text += "frames,median_ms,p95_ms,spread_ms,level_rmse,level_rmse_spread,rmse,rmse_spread,psnr_db,identical,ssim,pkl,\
+    text += "frames,median_ms,p95_ms,spread_ms,seen,seen_levels,seen_texture,seen_spread,rmse,psnr_db,identical,ssim,pkl,\
              snr_difference,grey_difference,contrast_lost,on_front,time_is_noise,error_is_noise";
     passes.iter().for_each(|name| text += &format!(",{}", csv_field(&format!("{name}_ms"))));
     text.push('\n');
@@ -28,7 +28,7 @@ pub fn csv(points: &[Point]) -> String {
         p.knobs.values().iter().for_each(|(_, value)| text += &format!("{value},"));
         let (t, e) = (&p.time, &p.error);
         text += &format!("{},{},{},{},", t.frames, t.median_ms, t.p95_ms, t.spread_ms);
-        text += &format!("{},{},{},{},", e.level_rmse, e.level_rmse_spread, e.rmse, e.rmse_spread);
+        text += &format!("{},{},{},{},{},", e.seen.whole, e.seen.levels, e.seen.texture, e.seen_spread, e.rmse);
         text += &format!("{},{},{},{},", e.psnr_db, e.identical, e.ssim, optional(e.pkl));
         text += &format!("{},{},{},", optional(e.snr_difference), e.grey_difference, optional(e.contrast_lost));
         text += &format!("{},{},{}", p.on_front, p.time_is_noise, p.error_is_noise);
@@ -54,8 +54,8 @@ pub fn markdown(points: &[Point]) -> String {
     let mut sorted: Vec<&Point> = points.iter().collect();
     sorted.sort_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms));
     let mut text =
-        "| point | ms, median | p95 | level error | pixel error | PSNR, dB | SSIM, % | pKL x100 | contrast lost, % | note |\n\
-                    |---|---:|---:|---:|---:|---:|---:|---:|---:|---|\n"
+        "| point | ms, median | p95 | seen error | levels | texture | PSNR, dB | SSIM, % | pKL x100 | contrast lost, % | note |\n\
+                    |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|\n"
             .to_owned();
     for p in sorted {
         let (t, e) = (&p.time, &p.error);
@@ -73,12 +73,13 @@ pub fn markdown(points: &[Point]) -> String {
         // Writing to a String can't fail.
         let _ = writeln!(
             text,
-            "| {bold}{}{bold} | {:.1} | {:.1} | {:.2} | {:.2} | {:.2} | {:.1} | {pkl} | {lost} | {} |",
+            "| {bold}{}{bold} | {:.1} | {:.1} | {:.2} | {:.2} | {:.2} | {:.2} | {:.1} | {pkl} | {lost} | {} |",
             shown(&p.name),
             t.median_ms,
             t.p95_ms,
-            e.level_rmse,
-            e.rmse,
+            e.seen.whole,
+            e.seen.levels,
+            e.seen.texture,
             e.psnr_db,
             100.0 * e.ssim,
             note.join(", ")
@@ -110,7 +111,7 @@ mod tests {
         points[1].time.passes.clear();
         let csv = csv(&points);
         let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-        assert_eq!(columns, [34; 3], "{csv}");
+        assert_eq!(columns, [35; 3], "{csv}");
         assert!(csv.contains("trace_ms") && csv.contains("\n1x1,rays x layers,,1,1,"), "{csv}");
     }
 
@@ -123,13 +124,13 @@ mod tests {
 
     #[test]
     fn the_table_is_in_the_order_of_time() {
-        let mut points = [point("32x3 all effects", 90.0, 5.0, None), point("1x1", 10.0, 2.25, None)];
+        let mut points = [point("32x3 all effects", 90.0, 5.0, None), point("1x1", 10.0, 2.0, None)];
         points[1].on_front = true;
         points[0].knobs.all_effects = true;
         points[0].error.pkl = None;
         let table = markdown(&points);
         let rows: Vec<&str> = table.lines().skip(2).collect();
-        assert_eq!(rows[0], "| **1x1 (LQ)** | 10.0 | 12.5 | 25.50 | 2.25 | 20.00 | 50.0 | 25.0 | 12.5 | front |");
+        assert_eq!(rows[0], "| **1x1 (LQ)** | 10.0 | 12.5 | 2.00 | 1.50 | 1.00 | 20.00 | 50.0 | 25.0 | 12.5 | front |");
         assert!(rows[1].starts_with("| 32x3 (HQ), all effects | 90.0 |"), "{table}");
         assert!(rows[1].ends_with("| - | 12.5 | all effects |"), "{table}");
     }

@@ -9,7 +9,7 @@ use super::{PATCH, Pair, QualityError};
 const BLOCK: usize = 16;
 
 /// Error that an eye sees, grey levels.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeenError {
     /// Root of the sum of squares of both parts, grey levels.

@@ -62,7 +62,7 @@ pub fn shifted_level_difference(
             (*back, *both) = (after[row * width + column], 255);
         }
     }
-    Ok(level_difference(&Pair::new(size, &back, before, Some(&both))?)?[0])
+    level_difference(&Pair::new(size, &back, before, Some(&both))?)
 }
 
 /// Steadiness of a sequence, also relative to its target sequence.

@@ -726,7 +726,7 @@ fn a_tradeoff_is_measured_and_can_be_resumed() {
     let points = report["points"].as_array().unwrap();
     assert!(points.len() > 10 && points.iter().any(|p| p["on_front"] == true));
     let named = |name: &str| points.iter().find(|p| p["name"] == name).unwrap();
-    let error = |name: &str| named(name)["error"]["level_rmse"].as_f64().unwrap();
+    let error = |name: &str| named(name)["error"]["seen"]["whole"].as_f64().unwrap();
     assert!(error("32x3") < error("1x1"), "{} {}", error("32x3"), error("1x1"));
     assert_eq!(named("1x1 all effects")["knobs"]["all_effects"], true);
     assert!(named("1x1")["time"]["median_ms"].as_f64().unwrap() > 0.0);

@@ -85,16 +85,17 @@ fn draw<B: DrawingBackend>(
     title: &str,
     converged: bool,
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-    let drawn: Vec<&Point> = points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.rmse.is_finite()).collect();
+    let drawn: Vec<&Point> =
+        points.iter().filter(|p| p.time.median_ms > 0.0 && p.error.seen.whole.is_finite()).collect();
     let times = drawn.iter().map(|p| p.time.median_ms).chain(PAPER.map(|(ms, _)| ms));
     let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
     let (from_ms, to_ms) = (least / 1.5, most * 2.0);
-    let worst = drawn.iter().map(|p| p.error.rmse).fold(1.0, f64::max);
+    let worst = drawn.iter().map(|p| p.error.seen.whole).fold(1.0, f64::max);
     area.fill(&WHITE)?;
     let from_left = Pos::new(HPos::Left, VPos::Center);
     area.draw(&Text::new(title.to_owned(), (20, 20), text(from_left, &BLACK)))?;
     let reference = if converged { "the converged reference" } else { "the reference (NOT converged)" };
-    let axis = format!("RMS difference of pixels from {reference}, grey levels");
+    let axis = format!("seen error (levels and texture) against {reference}, grey levels");
     area.draw(&Text::new(axis, (20, 42), text(from_left, &BLACK)))?;
     let mut chart = ChartBuilder::on(area)
         .margin_top(60)
@@ -127,7 +128,7 @@ fn draw<B: DrawingBackend>(
     }
     let mut front: Vec<&Point> = drawn.iter().copied().filter(|p| p.on_front).collect();
     front.sort_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms));
-    let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.rmse)).collect();
+    let path: Vec<_> = front.iter().map(|p| (p.time.median_ms, p.error.seen.whole)).collect();
     chart.draw_series([PathElement::new(path, BLACK.stroke_width(2))])?;
     let mut sweeps: Vec<&str> = Vec::new();
     let mut names = Vec::new();
@@ -139,14 +140,14 @@ fn draw<B: DrawingBackend>(
             sweeps.push(&point.sweep);
             sweeps.len() - 1
         });
-        let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
+        let (at, colour) = ((point.time.median_ms, point.error.seen.whole), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
         // A thin line leads to this point from the point without all effects, or from the generator's raw frame.
         let is_led_to = point.knobs.all_effects || point.generator.is_some();
         let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
         if let Some(other) = other {
-            let from = (other.time.median_ms, other.error.rmse);
+            let from = (other.time.median_ms, other.error.seen.whole);
             chart.draw_series([PathElement::new(vec![from, at], colour)])?;
         }
         if point.knobs.all_effects {
