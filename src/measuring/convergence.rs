@@ -256,7 +256,7 @@ fn mean_change(before: &[Reference], after: &[Reference]) -> f64 {
 
 /// Mean absolute change of the levels of 32 × 32 pixels, over all poses, grey levels.
 fn level_change(before: &[Reference], after: &[Reference]) -> Result<f64, QualityError> {
-    let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?));
+    let changes = before.iter().zip(after).map(|(a, b)| level_difference(&b.pair(&a.bmode)?));
     let changes = changes.collect::<Result<Vec<f64>, QualityError>>()?;
     Ok(mean(changes).unwrap_or(0.0))
 }
