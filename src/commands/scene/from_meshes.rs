@@ -15,7 +15,7 @@ use insonify::segmentation::mesh_files::placing::{
     Guess, MeshAxes, Unit, contradiction, guess_axes, guess_unit, organ_sizes,
 };
 use insonify::segmentation::mesh_files::{FileHints, NamedMesh, read_meshes};
-use insonify::segmentation::repair::{ActionKind, RepairSettings, SurfaceRepair, repair};
+use insonify::segmentation::repair::{RepairSettings, SurfaceRepair, repair};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -275,9 +275,7 @@ fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
     let Some(bounds) = bounds.reduce(|a, b| a.with(b.min).with(b.max)) else { return Vec::new() };
     let caps: Vec<DVec3> = reports
         .iter()
-        .flat_map(|report| &report.actions)
-        .filter(|action| matches!(action.kind, ActionKind::PlanarCap | ActionKind::BentCap))
-        .flat_map(|action| &action.regions)
+        .flat_map(|report| &report.cuts)
         .map(|place| DVec3::from_array(place.at_mm.map(f64::from)))
         .collect();
     let mut cuts = Vec::new();

@@ -17,7 +17,7 @@ use super::super::{Failure, output};
 /// Options of a repair.
 #[derive(Debug, clap::Args)]
 pub(super) struct RepairArgs {
-    /// Largest distance by which a repair may move a vertex, mm, 0..=10
+    /// Largest distance by which a repair may move the surface, mm, 0..=10; checked afterwards
     #[arg(long, value_name = "MM", default_value_t = RepairSettings::default().max_move_mm, value_parser = farthest, allow_negative_numbers = true)]
     pub(super) max_move_mm: f64,
 }
@@ -29,8 +29,9 @@ fn farthest(text: &str) -> Result<f64, String> {
 
 /// Repair the surfaces of a scene, and report the changes to each.
 ///
-/// Open surfaces are closed (flat caps at cuts, fills over holes), inward-facing ones turned, doubled sheets and
-/// fragments removed, folds smoothed. Remaining defects are listed; `insonify doctor` checks everything else.
+/// Inward-facing surfaces are turned, doubled sheets and fragments removed. What is open or crosses itself is made anew from
+/// what it encloses, with flat caps at cuts and fills over holes. Remaining defects are listed; `insonify doctor` checks
+/// everything else.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  insonify scene repair scene.glb --out mended.glb")]
 pub(crate) struct Args {

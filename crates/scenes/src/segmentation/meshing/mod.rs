@@ -6,13 +6,16 @@
 
 mod collapse;
 mod complex;
+pub mod contour;
 mod nets;
 mod part;
 mod quadric;
 mod shell;
+pub mod shrunk;
 mod smooth;
 mod volume;
 mod well_composed;
+pub mod winding;
 
 pub use complex::{Complex, Triangle};
 pub use nets::{Net, Quad};

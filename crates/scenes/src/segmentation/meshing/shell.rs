@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DAffine3, DVec3, Vec3, Vec3A};
+use insonify_core::anatomy::doctor::{crossing, tree::Tree};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::{Ray, RayHit};
@@ -10,6 +11,7 @@ use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 
 use super::part::Part;
+use super::shrunk::shrunk;
 
 /// Largest depth of the offset, relative to the thickness of the part along the normal.
 const SHARE_MAX: f64 = 0.35;
@@ -21,14 +23,31 @@ const CUT_ROUNDS: usize = 60;
 const FOLD_ROUNDS: usize = 12;
 /// Smallest cosine of the angle between the normals of a face and of its offset. Faces below this limit turn over.
 const TURN_MIN: f64 = 0.3;
+/// Folds are accepted up to one in this number of triangles.
+const FOLDS_ONE_IN: usize = 25;
 /// Distance inward from the surface at which a ray starts, mm.
 const START_MM: f64 = 1e-3;
 
 impl Part {
-    /// The surface moved inward by `depth_mm`, with the same triangles. In thin parts the depth is at most about a
-    /// third of the thickness. Vertices on the grid's border stay on it.
+    /// The surface `depth_mm` further inward. It doesn't pass through itself, and it ends at the grid's border where this surface
+    /// does.
+    ///
+    /// Usually it has the same triangles, and in thin parts a depth of at most about a third of the thickness. Where it
+    /// would cross itself so, in ears or folds, it is the surface of what lies deeper than `depth_mm`: thin parts then
+    /// have nothing within.
     #[must_use]
     pub fn inward(&self, depth_mm: f64) -> Self {
+        let moved = self.moved_inward(depth_mm);
+        let mesh = moved.mesh(&DAffine3::IDENTITY);
+        // Shallow folds are accepted, as by the check of scenes.
+        let crosses = Tree::new(&mesh).is_some_and(|tree| {
+            let found = crossing::find(&tree, &vec![0; mesh.triangles.len()]);
+            found.overlaps > 0 || found.folds * FOLDS_ONE_IN > mesh.triangles.len()
+        });
+        if crosses { shrunk(self, depth_mm) } else { moved }
+    }
+
+    fn moved_inward(&self, depth_mm: f64) -> Self {
         let neighbours = self.neighbours();
         let normals = self.normals();
         // Normals are projected onto the grid's faces, so they are zero within a face that the scan cuts.

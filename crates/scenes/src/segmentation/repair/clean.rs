@@ -119,9 +119,9 @@ fn keyed([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
     (sorted, [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted))
 }
 
-/// Removes copies of triangles. Two triangles back to back are both removed if they form a wall inside the surface, or
-/// the surface `is_closed`. If they are the only border there, one of them stays.
-pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
+/// Removes copies of triangles. Two triangles back to back are both removed if they form a wall inside the surface. If
+/// they are the only border there, one of them stays.
+pub(super) fn drop_copies(work: &mut Work) {
     let mut keys: Vec<([u32; 3], u32, bool)> = (0u32..)
         .zip(&work.mesh.triangles)
         .map(|(index, t)| {
@@ -147,7 +147,7 @@ pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     if copies.is_empty() {
         return;
     }
-    let walls = if is_closed { backs } else { inner_walls(work, &backs, &keep) };
+    let walls = inner_walls(work, &backs, &keep);
     let triangle = |index: &u32| work.mesh.triangles[*index as usize];
     let (copies_at, walls_at) =
         (work.region_of(copies.iter().map(triangle)), work.region_of(walls.iter().map(triangle)));

@@ -5,28 +5,22 @@
 //! 1. Coincident vertices are joined, also those of rims that nearly coincide.
 //! 2. Triangles without area and copies of triangles are removed. Of two triangles back to back, both are removed if
 //!    they form a wall inside the surface; one is removed if they are its only border.
-//! 3. At edges of more than two triangles, sheets are removed, and parts that touch are separated.
-//! 4. The winding is made consistent in each part.
-//! 5. Open rims are closed. Planar rims are capped, one within another as a ring. A rim around the edge or corner of a
-//!    box is capped in the planes of the box. Other holes are filled with the least area.
-//! 6. Parts without thickness and small fragments are removed.
-//! 7. Parts are turned outward. Parts within an odd number of others are cavities and face inward.
-//! 8. Triangles that cross near neighbours are smoothed.
+//! 3. The winding is made consistent in each part.
+//! 4. Parts without thickness and small fragments are removed.
+//! 5. Parts are turned outward. Parts within an odd number of others are cavities and face inward.
+//! 6. A surface that is now closed, with two triangles at each edge, and doesn't cross itself is left as it is, but for a
+//!    few shallow folds that the check of scenes accepts. Any other is remeshed: the result is the contour of the region
+//!    with a winding number of at least ½. Plane rims, and rims along the sides of the bounding box, get flat caps.
+//!    Other holes close as a soap film would. Overlapping parts become one.
 //!
-//! Overlapping parts are reported, not united. The result depends only on the input, not on the number of threads.
+//! The report says how far the surface moved. The result depends only on the input, not on the number of threads.
 
+mod caps;
 mod clean;
-mod close;
-mod corners;
-mod crowded;
 mod edges;
-mod fill;
-mod folds;
 mod fragments;
-mod loops;
 mod orient;
-mod planes;
-mod polygon;
+mod remesh;
 mod report;
 #[cfg(test)]
 mod shapes;
@@ -40,10 +34,6 @@ pub use report::{Action, ActionKind, Remaining, RemainingKind, SurfaceRepair};
 use insonify_core::anatomy::Mesh;
 use work::{Work, region};
 
-/// Largest number of passes of closing. Filling a hole may create an edge of four triangles, which the next pass
-/// divides.
-const PASSES: usize = 3;
-
 /// Settings of a repair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RepairSettings {
@@ -51,7 +41,7 @@ pub struct RepairSettings {
     pub weld_mm: f64,
     /// Largest distance at which vertices of rims are joined, mm; limited to a quarter of the mean rim edge.
     pub weld_rims_mm: f64,
-    /// Largest distance by which a vertex may be moved, mm.
+    /// Largest distance by which the surface may move, mm. It limits the voxels of remeshing, and is checked afterwards.
     pub max_move_mm: f64,
     /// Size up to which a hole counts as small, mm. Larger holes that are not planar are reported as guesses.
     pub small_hole_mm: f64,
@@ -75,27 +65,21 @@ pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, Surfa
     let within = |mm: f64| mm.clamp(0.0, settings.max_move_mm.max(0.0));
     weld::weld(&mut work, within(settings.weld_mm), within(settings.weld_rims_mm));
     clean::drop_degenerate(&mut work);
-    clean::drop_copies(&mut work, false);
-    for _ in 0..PASSES {
-        crowded::resolve(&mut work);
-        orient::make_consistent(&mut work);
-        if edges::open(&work.mesh.triangles).is_empty() {
-            break;
-        }
-        close::close(&mut work, settings);
-        clean::drop_degenerate(&mut work);
-        clean::drop_copies(&mut work, true);
-    }
+    clean::drop_copies(&mut work);
+    orient::make_consistent(&mut work);
     fragments::drop_fragments(&mut work, settings.fragment_share);
     orient::face_outward(&mut work);
-    crowded::move_apart(&mut work);
-    folds::resolve(&mut work, settings.max_move_mm);
-    close::check(&mut work);
-    crowded::check(&mut work);
-    orient::check(&mut work);
+    let bounds = region(work.mesh.vertices_mm.iter().copied());
+    if !remesh::is_sound(&work) {
+        orient::check(&mut work);
+        remesh::remesh(&mut work, settings);
+        fragments::drop_fragments(&mut work, settings.fragment_share);
+        if !remesh::is_sound(&work) {
+            work.leave(RemainingKind::Crossing, 1, [bounds]);
+        }
+    }
     if work.mesh.triangles.is_empty() {
-        let all = work.mesh.vertices_mm.iter().copied();
-        work.leave(RemainingKind::Nothing, 1, [region(all)]);
+        work.leave(RemainingKind::Nothing, 1, [bounds]);
     }
     work.compact();
     finish(name, before, work)
@@ -109,7 +93,8 @@ fn finish(name: &str, before: usize, mut work: Work) -> (Mesh, SurfaceRepair) {
         volume_mm3: work.mesh.signed_volume_mm3(),
         actions: merged(std::mem::take(&mut work.actions)),
         remaining: std::mem::take(&mut work.remaining),
-        largest_move_mm: work.largest_move_mm(),
+        largest_move_mm: work.joined_mm + work.moved_mm,
+        cuts: std::mem::take(&mut work.cuts),
     };
     (work.mesh, report)
 }

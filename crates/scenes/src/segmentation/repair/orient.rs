@@ -1,23 +1,28 @@
 //! Winding of triangles: consistent in each part, and outward.
 
-use insonify_core::anatomy::doctor::tree::Tree;
+use std::cell::OnceCell;
+
+use glam::DVec3;
 use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::edges::{self, NONE, of};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, area, region, volume};
+use crate::segmentation::meshing::winding::Winding;
 
 /// Largest number of a part's corners that are tested for lying inside other parts.
 const CORNERS_SAMPLED: usize = 33;
+/// Least winding number of a part about corners that lie within; about half in the plane of a rim.
+const HELD: f64 = 0.4;
+/// Least volume of an open part that shows which way it faces, relative to the power 1.5 of its area; 0.094 for a sphere.
+const BULGE: f64 = 0.02;
 
-/// Makes the winding of each component consistent by turning over triangles of the least total area. Returns the number
-/// of edges at which that is impossible.
-pub(super) fn make_consistent(work: &mut Work) -> usize {
+/// Makes the winding of each component consistent by turning over triangles of the least total area.
+pub(super) fn make_consistent(work: &mut Work) {
     let edges = edges::sorted(&work.mesh.triangles);
     let next = edges::neighbours(work.mesh.triangles.len(), &edges);
     let count = work.mesh.triangles.len();
     let mut turn: Vec<Option<bool>> = vec![None; count];
-    let mut conflicts = 0;
     let mut turned = Vec::new();
     let mut queue = Vec::new();
     for seed in 0..count {
@@ -38,12 +43,9 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
                 let [from, to] = of(work.mesh.triangles[t as usize])[side];
                 let runs_alike = of(work.mesh.triangles[other as usize]).contains(&[from, to]);
                 let wanted = own != runs_alike;
-                match turn[other as usize] {
-                    None => {
-                        turn[other as usize] = Some(wanted);
-                        queue.push(other);
-                    }
-                    Some(is) => conflicts += usize::from(is != wanted),
+                if turn[other as usize].is_none() {
+                    turn[other as usize] = Some(wanted);
+                    queue.push(other);
                 }
             }
         }
@@ -60,8 +62,6 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
     let region = work.region_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
     turned.iter().for_each(|&t| work.mesh.triangles[t as usize].swap(1, 2));
     work.log(ActionKind::Turned, turned.len(), [region]);
-    // Each conflict was counted twice, from both triangles at its edge.
-    conflicts / 2
 }
 
 /// Reports edges between triangles that face opposite ways as remaining defects.
@@ -82,10 +82,11 @@ pub(super) struct Part {
     corners: Vec<glam::Vec3>,
     pub(super) triangles: usize,
     pub(super) area_mm2: f64,
-    /// Signed volume, mm³: positive if the part faces outward.
+    /// Signed volume, mm³: positive if the part faces outward. Holes count as closed by fans about the middle of all
+    /// rims.
     pub(super) volume_mm3: f64,
-    /// Whether the part has an open edge.
-    pub(super) open: bool,
+    /// Whether the part has an edge of its own: of no other triangle.
+    pub(super) has_rim: bool,
 }
 
 /// Components of a mesh, and for each triangle the index of its component.
@@ -100,10 +101,26 @@ pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
         triangles: 0,
         area_mm2: 0.0,
         volume_mm3: 0.0,
-        open: false,
+        has_rim: false,
     };
     let mut parts: Vec<Part> = counts.iter().map(new).collect();
-    let centre = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
+    // Any point will do for a closed part.
+    let first = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
+    let mut rims = vec![(DVec3::ZERO, 0.0); parts.len()];
+    for group in edges::groups(&edges).filter(|group| group.len() != 2) {
+        for edge in group {
+            let index = part_of[edge.triangle as usize] as usize;
+            parts[index].has_rim |= group.len() == 1;
+            let ends = [edge.low, edge.high].map(|v| mesh.vertices_mm[v as usize].as_dvec3());
+            let length = ends[0].distance(ends[1]);
+            rims[index].0 += 0.5 * length * (ends[0] + ends[1]);
+            rims[index].1 += length;
+        }
+    }
+    let centre = |index: u32| match rims[index as usize] {
+        (sum, length) if length > 0.0 => sum / length,
+        _ => first,
+    };
     for (corners, &index) in mesh.corners_mm().zip(&part_of) {
         let part = &mut parts[index as usize];
         part.bounds = corners.into_iter().fold(part.bounds, Bounds::with);
@@ -111,14 +128,10 @@ pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
             part.corners.push(corners[0]);
         }
         part.triangles += 1;
+        let centre = centre(index);
         let corners = corners.map(|v| v.as_dvec3() - centre);
         part.area_mm2 += area(corners);
         part.volume_mm3 += volume(corners);
-    }
-    for group in edges::groups(&edges) {
-        if let [edge] = group {
-            parts[part_of[edge.triangle as usize] as usize].open = true;
-        }
     }
     (parts, part_of)
 }
@@ -128,10 +141,15 @@ pub(super) fn face_outward(work: &mut Work) {
     drop_doubled(work);
     let (parts, part_of) = parts(&work.mesh);
     let depths: Vec<usize> = holders(&work.mesh, &parts, &part_of).iter().map(Vec::len).collect();
+    // What is nearly flat has no inside of its own. All such parts keep their directions in the file to each other.
+    let is_flat = |part: &Part| part.has_rim && part.volume_mm3.abs() < BULGE * part.area_mm2.powf(1.5);
+    let flat_mm3: f64 = parts.iter().filter(|part| is_flat(part)).map(|part| part.volume_mm3).sum();
     let (mut turned, mut cavities) = (Vec::new(), Vec::new());
     for (index, (part, depth)) in parts.iter().zip(&depths).enumerate() {
         let is_cavity = depth % 2 == 1;
         match (part.volume_mm3 > 0.0, is_cavity) {
+            _ if is_flat(part) && flat_mm3 < 0.0 => turned.push(index),
+            _ if is_flat(part) => {}
             (true, true) => cavities.push(index),
             (false, false) => turned.push(index),
             _ => {}
@@ -180,21 +198,22 @@ fn drop_doubled(work: &mut Work) {
     work.log(ActionKind::Doubled, regions.len(), regions);
 }
 
-/// For each part, the indices of the closed parts that enclose it, judged by its sampled corners.
+/// For each part, the indices of the parts that enclose it, judged by its sampled corners.
 fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
-    let tree = if parts.len() > 1 { Tree::new(mesh) } else { None };
-    let Some(tree) = tree else { return vec![Vec::new(); parts.len()] };
-    let depth = |(index, part): (usize, &Part)| {
-        let could_hold = |other: usize| other != index && !parts[other].open && parts[other].bounds.holds(part.bounds);
-        let around = (0..parts.len()).filter(|&other| could_hold(other));
-        around
-            .filter(|&other| {
-                let in_other = |t: u32| part_of[t as usize] as usize == other;
-                let held = part.corners.iter().filter(|c| tree.winding(c.as_dvec3(), in_other) != 0).count();
-                // Nine tenths suffice: where parts touch, a corner may be on either side.
-                10 * held >= 9 * part.corners.len()
-            })
-            .collect()
+    let mut triangles = vec![Vec::new(); parts.len()];
+    (0u32..).zip(part_of).for_each(|(triangle, &index)| triangles[index as usize].push(triangle));
+    let windings: Vec<OnceCell<Winding>> = parts.iter().map(|_| OnceCell::new()).collect();
+    let winding = |index: usize| {
+        windings[index].get_or_init(|| Winding::of(triangles[index].iter().map(|&t| mesh.corners_of(t))))
     };
-    parts.iter().enumerate().map(depth).collect()
+    let around = |(index, part): (usize, &Part)| {
+        let could_hold = |other: &usize| *other != index && parts[*other].bounds.holds(part.bounds);
+        let holds = |other: &usize| {
+            let held = part.corners.iter().filter(|c| winding(*other).number(c.as_dvec3()).abs() > HELD).count();
+            // Where parts touch, a corner may be on either side; near the hole of an open part, half are outside.
+            10 * held >= if parts[*other].has_rim { 5 } else { 9 } * part.corners.len()
+        };
+        (0..parts.len()).filter(could_hold).filter(holds).collect()
+    };
+    parts.iter().enumerate().map(around).collect()
 }

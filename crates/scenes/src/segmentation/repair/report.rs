@@ -37,10 +37,6 @@ kinds! {
         Duplicate = "copy|copies of triangles", "removed";
         /// Removed pairs of triangles back to back: both sides of a wall inside the surface.
         InnerWall = "triangle|triangles", "of walls inside the surface removed";
-        /// Removed triangles of sheets that made edges of three or more triangles.
-        Sheet = "triangle|triangles", "of sheets that only touch the surface removed";
-        /// Separated edges, at which parts touched.
-        Separated = "edge|edges", "at which parts touched separated";
         /// Triangles that faced the other way than their neighbours, turned over.
         Turned = "triangle|triangles", "that faced the other way than their neighbours turned over";
         /// Removed parts just within another part that faces the same way: a surface drawn twice.
@@ -53,32 +49,30 @@ kinds! {
         Crumb = "crumb|crumbs", "removed";
         /// Removed parts without thickness.
         Flat = "part|parts", "without thickness removed";
-        /// Planar cuts, capped.
+        /// Triangles of a surface that was open or crossed itself, made anew from what it encloses.
+        Remeshed = "triangle|triangles", "made anew from what they enclose: the surface was open or passed through itself";
+        /// Triangles within the solid, or of sheets that enclose nothing, left out.
+        LeftOut = "triangle|triangles", "within the solid, or of sheets that enclose nothing, left out";
+        /// Cuts along a plane, capped.
         PlanarCap = "cut|cuts", "along a plane closed by a flat cap";
-        /// Cuts around the edge or corner of a box, capped in the planes of the box.
-        BentCap = "cut|cuts", "round an edge of the scanned box closed along its planes";
         /// Small holes, filled.
         SmallHole = "small hole|small holes", "filled";
         /// Large holes that are not planar, filled: the shape there is a guess.
         Guess = "large hole|large holes", "filled: the shape there is a guess, check it";
-        /// Triangles that passed through their neighbours, smoothed.
-        Fold = "fold|folds", "smoothed";
     }
 }
 
 kinds! {
     /// Kind of a defect that remains.
     RemainingKind {
-        /// Edges with one triangle.
-        Open = "edge|edges", "still open: fill the hole by hand";
-        /// Edges of three or more triangles.
-        Crowded = "edge|edges", "of three or more triangles: delete the inner faces by hand";
         /// Edges between triangles that face opposite ways.
         OneSided = "edge|edges", "where the surface has no two sides (as a Möbius strip): cut it there by hand";
-        /// Pairs of crossing triangles: of overlapping parts, or of distant regions of one part.
-        Overlap = "pair|pairs of triangles", "pass through each other: unite the overlapping parts, or make them surfaces of their own";
-        /// Pairs of neighbouring triangles that pass through each other.
-        Fold = "pair|pairs of neighbouring triangles", "fold through each other: smooth the surface there";
+        /// Triangles of parts that are thinner than the voxels of remeshing.
+        Lost = "triangle|triangles", "of thin parts lost: a smaller --max-move-mm keeps more";
+        /// A surface that passes through itself even after remeshing.
+        Crossing = "surface|surfaces", "that still passes through itself: mend it by hand";
+        /// A surface that moved farther than allowed.
+        Moved = "surface|surfaces", "moved farther than --max-move-mm allows: allow more, or close the surface by hand";
         /// Vertices that are not finite.
         NotFinite = "vertex|vertices", "not finite: their triangles were removed";
         /// A surface without any part that encloses a volume.
@@ -126,8 +120,11 @@ pub struct SurfaceRepair {
     pub actions: Vec<Action>,
     /// Defects that remain.
     pub remaining: Vec<Remaining>,
-    /// Largest distance by which a vertex was moved, mm.
+    /// Largest distance by which the surface was moved, mm, apart from caps and fills.
     pub largest_move_mm: f32,
+    /// Regions of all caps of cuts.
+    #[serde(skip)]
+    pub cuts: Vec<Region>,
 }
 
 impl SurfaceRepair {
@@ -208,8 +205,9 @@ mod tests {
             parts: 1,
             volume_mm3: 1.5e6,
             actions: vec![Action { kind: ActionKind::PlanarCap, count: 1, regions: vec![region] }],
-            remaining: vec![Remaining { kind: RemainingKind::Fold, count: 2, regions: vec![] }],
+            remaining: vec![Remaining { kind: RemainingKind::OneSided, count: 2, regions: vec![] }],
             largest_move_mm: 0.01,
+            cuts: Vec::new(),
         };
         let text = report.to_string();
         assert!(
@@ -220,7 +218,7 @@ mod tests {
             text.contains("mended: 1 cut along a plane closed by a flat cap; at (1.00, 2.00, 3.00) mm, 4.00 mm across"),
             "{text}"
         );
-        assert!(text.contains("remains: 2 pairs of neighbouring triangles fold through each other"), "{text}");
+        assert!(text.contains("remains: 2 edges where the surface has no two sides"), "{text}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["actions"][0]["kind"], "planar_cap");
     }

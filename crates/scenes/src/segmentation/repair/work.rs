@@ -9,20 +9,19 @@ use super::report::{Action, ActionKind, Remaining, RemainingKind};
 /// A mesh under repair, and the log of the repair.
 pub(super) struct Work {
     pub(super) mesh: Mesh,
-    /// Original position of each vertex, mm; for a vertex that the repair added, the position at which it was added.
-    pub(super) home_mm: Vec<Vec3>,
-    /// Vertices that were separated from each other, but still coincide.
-    pub(super) split: Vec<u32>,
     pub(super) actions: Vec<Action>,
     pub(super) remaining: Vec<Remaining>,
     /// Upper bound of the moves by joining vertices, mm.
     pub(super) joined_mm: f32,
+    /// Largest move of the surface by remeshing, mm.
+    pub(super) moved_mm: f32,
+    /// Regions of all caps of cuts.
+    pub(super) cuts: Vec<Region>,
 }
 
 impl Work {
     pub(super) fn new(mesh: Mesh) -> Self {
-        let home_mm = mesh.vertices_mm.clone();
-        Self { mesh, home_mm, split: Vec::new(), actions: Vec::new(), remaining: Vec::new(), joined_mm: 0.0 }
+        Self { mesh, actions: Vec::new(), remaining: Vec::new(), joined_mm: 0.0, moved_mm: 0.0, cuts: Vec::new() }
     }
 
     /// Position of a vertex, mm.
@@ -33,22 +32,6 @@ impl Work {
     /// Corners of a triangle, mm.
     pub(super) fn corners(&self, triangle: [u32; 3]) -> [DVec3; 3] {
         triangle.map(|vertex| self.at(vertex))
-    }
-
-    /// Adds a vertex, and returns its index.
-    pub(super) fn push(&mut self, at_mm: DVec3) -> u32 {
-        let index = self.mesh.vertices_mm.len() as u32;
-        self.mesh.vertices_mm.push(at_mm.as_vec3());
-        self.home_mm.push(at_mm.as_vec3());
-        index
-    }
-
-    /// Adds a copy of a vertex, and returns its index.
-    pub(super) fn copy(&mut self, vertex: u32) -> u32 {
-        let index = self.mesh.vertices_mm.len() as u32;
-        self.mesh.vertices_mm.push(self.mesh.vertices_mm[vertex as usize]);
-        self.home_mm.push(self.home_mm[vertex as usize]);
-        index
     }
 
     /// Keeps the triangles for which `keep` is true.
@@ -76,26 +59,15 @@ impl Work {
         region(triangles.into_iter().flatten().map(|vertex| self.mesh.vertices_mm[vertex as usize]))
     }
 
-    /// Upper bound of the largest move of a vertex, mm. A vertex may have been joined first and then moved.
-    pub(super) fn largest_move_mm(&self) -> f32 {
-        let moved = self.mesh.vertices_mm.iter().zip(&self.home_mm).map(|(now, home)| now.distance(*home));
-        self.joined_mm + moved.fold(0.0, f32::max)
-    }
-
     /// Drops vertices that no triangle uses.
     pub(super) fn compact(&mut self) {
         let mut index = vec![u32::MAX; self.mesh.vertices_mm.len()];
         self.mesh.triangles.iter().flatten().for_each(|&vertex| index[vertex as usize] = 0);
         let used = index.iter_mut().filter(|slot| **slot == 0);
         (0u32..).zip(used).for_each(|(next, slot)| *slot = next);
-        let used = |list: &mut Vec<Vec3>| {
-            let mut at = index.iter();
-            list.retain(|_| at.next().is_some_and(|&slot| slot != u32::MAX));
-        };
-        used(&mut self.mesh.vertices_mm);
-        used(&mut self.home_mm);
+        let mut at = index.iter();
+        self.mesh.vertices_mm.retain(|_| at.next().is_some_and(|&slot| slot != u32::MAX));
         self.mesh.triangles.iter_mut().flatten().for_each(|vertex| *vertex = index[*vertex as usize]);
-        self.split = self.split.iter().map(|&vertex| index[vertex as usize]).filter(|&v| v != u32::MAX).collect();
     }
 }
 
