@@ -17,7 +17,7 @@ use insonify::segmentation::grid::CutPlane;
 use insonify::segmentation::skin_points;
 use insonify::segmentation::start::Start;
 use insonify::segmentation::station_text::station_text;
-use insonify::segmentation::summary::{Row, Summary};
+use insonify::segmentation::summary::{Row, Summary, remarks_of_missing, remarks_of_twins};
 use insonify::sink::{write_json, write_text};
 use insonify::station::{Examination, SceneFile};
 
@@ -137,6 +137,9 @@ impl OutputArgs {
             }
             None => None,
         };
+        remarks.extend(remarks_of_missing(&surfaces));
+        // Meshes of several pieces are remarked on when they are read.
+        remarks.extend(facts.as_ref().map(|_| remarks_of_twins(&surfaces)).unwrap_or_default());
         let rows: Vec<Row> = surfaces.iter().map(Row::from).collect();
         let labelled: Vec<LabelledSurface> = surfaces.into_iter().map(labelled).collect();
         for path in [Some(&self.out), self.probe_path.as_ref(), self.report.as_ref()].into_iter().flatten() {
@@ -167,7 +170,8 @@ impl OutputArgs {
             session.write(path, &scene_name)?;
         }
         if start.planes.planes.is_empty() {
-            remarks.push("no standard plane: none of liver, kidneys, aorta, bladder and heart is seen".to_owned());
+            remarks
+                .push("no standard plane: none of liver, kidneys, aorta, bladder, heart and lung is seen".to_owned());
         }
         if let Some(facts) = &facts {
             remarks.extend(facts.remarks());

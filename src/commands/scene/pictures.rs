@@ -9,8 +9,9 @@ use insonify::report::scene_view::{
     BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
 };
 use insonify::report::segmentation::Plate;
+use insonify::segmentation::probe_choice::ProbeChoice;
 use insonify::segmentation::start::Start;
-use insonify::segmentation::station_text::{ProbeChoice, station_text};
+use insonify::segmentation::station_text::station_text;
 use insonify::sink::png;
 use insonify::station::Station;
 

@@ -79,16 +79,17 @@ fn page(summary: &Summary, scene: &[Plate], bmode: &[Plate]) -> String {
     plates(&mut out, "B-mode", bmode);
     if !summary.windows.is_empty() {
         out.push_str(
-            "<h2>Windows</h2>\n<table><thead><tr><th>name<th>view<th>depth, mm<th>shadowed by bone or gas</tr></thead><tbody>\n",
+            "<h2>Windows</h2>\n<table><thead><tr><th>name<th>view<th>depth, mm<th>shadowed by bone or gas<th>face without contact</tr></thead><tbody>\n",
         );
         for window in &summary.windows {
             let _ = writeln!(
                 out,
-                "<tr><td>{}<td>{}<td>{:.0}<td>{:.0} %</tr>",
+                "<tr><td>{}<td>{}<td>{:.0}<td>{:.0} %<td>{:.0} %</tr>",
                 escape(&window.name),
                 escape(&window.title),
                 window.depth_mm,
-                100.0 * window.hidden
+                100.0 * window.hidden,
+                100.0 * (1.0 - window.touching)
             );
         }
         out.push_str("</tbody></table>\n");
@@ -143,7 +144,13 @@ mod tests {
             mesh_ml: 1500.0,
             voxels_ml: Some(1505.0),
         };
-        let window = WindowRow { name: "aorta".into(), title: "abdominal aorta".into(), depth_mm: 71.0, hidden: 0.4 };
+        let window = WindowRow {
+            name: "aorta".into(),
+            title: "abdominal aorta".into(),
+            depth_mm: 71.0,
+            hidden: 0.4,
+            touching: 0.9,
+        };
         let summary = Summary {
             scene: PathBuf::from("a/b.glb"),
             source: PathBuf::from("b.nii.gz"),

@@ -106,14 +106,17 @@ pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static s
     let cut = cut_sides(&body_mask, &inputs.grid);
     let soft = soft_tissue(&inputs, &body_mask, options);
 
-    let mut builder = Builder { grid: &inputs.grid, surfaces: Vec::new() };
-    progress("meshing the body", 0.2);
+    let new = || Builder { grid: &inputs.grid, surfaces: Vec::new() };
+    let (mut layers, mut organs) = (new(), new());
+    progress("meshing the body and the organs", 0.3);
     let has_fat = options.fat_mm > 0.0 || inputs.fat.is_some() || inputs.ct().is_some();
-    builder.body(body_mask, soft, has_fat, options);
-    progress("meshing the organs", 0.3);
-    builder.organs(&inputs, &counts, options, progress);
+    rayon::join(
+        || layers.body(body_mask, soft, has_fat, options),
+        || organs.organs(&inputs, &counts, options, progress),
+    );
     progress("done", 1.0);
-    let mut surfaces = builder.surfaces;
+    let mut surfaces = layers.surfaces;
+    surfaces.append(&mut organs.surfaces);
     surfaces.retain(|s| !s.mesh.triangles.is_empty());
     surfaces.sort_by_key(|s| s.priority);
     let has = |organ: &&Organ| !surfaces.iter().any(|s| s.segment.as_deref() == Some(&organ.name));
@@ -254,7 +257,9 @@ impl Builder<'_> {
 
     fn body(&mut self, body: Vec<bool>, soft: Vec<bool>, has_fat: bool, options: &Options) {
         let share = |share: f64| (share * options.triangles as f64) as usize;
-        if let Some(part) = self.mask_part(&body, share(BODY_SHARE)) {
+        let (outer, soft) =
+            rayon::join(|| self.mask_part(&body, share(BODY_SHARE)), || self.mask_part(&soft, share(FAT_SHARE)));
+        if let Some(part) = outer {
             let voxels = body.iter().filter(|&&b| b).count();
             let inner = if options.skin_mm > 0.0 {
                 self.add("skin", "skin", 0, &part, None);
@@ -270,8 +275,7 @@ impl Builder<'_> {
                 first.voxels_mm3 = Some(voxels as f64 * voxel_mm3);
             }
         }
-        drop(body);
-        if let Some(part) = self.mask_part(&soft, share(FAT_SHARE)) {
+        if let Some(part) = soft {
             self.add("soft_tissue", "soft_tissue_maternal", 2, &part, None);
         }
     }

@@ -6,6 +6,7 @@ use super::classes::{Class, Role};
 use super::from_labels::{Inputs, Made, Options, make};
 use super::grid::Grid;
 use super::meshing::Part;
+use super::shape::pieces_ml;
 use super::summary::remark_of_outline;
 use super::voxels::{inside_of, voxels_within};
 
@@ -54,8 +55,13 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     } else if bodies.is_empty() {
         remarks.push(remark_of_outline().to_owned());
     }
-    for OrganMesh { name, class, mesh } in organs {
-        let priority = 10 * class.priority.unwrap_or(50);
+    // Where organs of one class priority overlap, the smaller one counts, whatever the order of the files.
+    let volume = |organ: &OrganMesh| organ.mesh.signed_volume_mm3();
+    organs.sort_by(|a, b| class_priority(a).cmp(&class_priority(b)).then(volume(b).total_cmp(&volume(a))));
+    remarks.extend(remark_of_overlaps(&organs));
+    for (number, OrganMesh { name, class, mesh }) in organs.into_iter().enumerate() {
+        // Organs are 3 apart, as those of labels: there is room for the surfaces within them.
+        let priority = 100 + 3 * number as i32;
         let tissue = class.tissue.clone().unwrap_or_default();
         let outer = part(&mesh);
         let (segment, volume) = (Some(name.as_str()), Some(outer.volume_mm3()));
@@ -63,17 +69,60 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
             Some(wall) => {
                 made.push(of_part(&format!("{name}_wall"), &wall.tissue, priority, &outer, segment, volume));
                 let inner = outer.inward(wall.mm);
+                if inner.triangles.is_empty() {
+                    remarks.push(format!("`{name}` has no lumen: it is thinner than its walls of {} mm", wall.mm));
+                }
                 made.push(of_part(&name, &tissue, priority + 1, &inner, segment, None));
             }
             None => made.push(of_part(&name, &tissue, priority, &outer, segment, volume)),
         }
     }
+    made.retain(|made| !made.mesh.triangles.is_empty());
     made.sort_by_key(|made| made.priority);
     (made, remarks)
 }
 
-/// Smallest volume of a separate piece that is reported, relative to its organ.
-const PIECE: f64 = 0.15;
+fn class_priority(organ: &OrganMesh) -> i32 {
+    organ.class.priority.unwrap_or(50)
+}
+
+/// Smallest common volume of two organs that is reported, ml.
+const COMMON_ML: f64 = 0.5;
+
+/// Class priority from which a mesh is no layer of the body.
+const ORGAN: i32 = 20;
+
+/// A remark on organs that overlap. They are given in ascending order of priority.
+fn remark_of_overlaps(organs: &[OrganMesh]) -> Option<String> {
+    let bounds: Vec<Option<Bounds>> = organs.iter().map(|organ| organ.mesh.bounds_mm()).collect();
+    let mut named = Vec::new();
+    for (n, upper) in organs.iter().enumerate() {
+        let is_over = |&m: &usize| {
+            class_priority(&organs[m]) >= ORGAN && bounds[m].zip(bounds[n]).is_some_and(|(a, b)| meet(&a, &b))
+        };
+        let over: Vec<usize> = (0..n).filter(is_over).collect();
+        if over.is_empty() {
+            continue;
+        }
+        let Some((grid, own)) = voxels_within(&[&upper.mesh], VOXEL_MM, 0) else { continue };
+        for lower in over.into_iter().map(|m| &organs[m]) {
+            let common = own.iter().zip(inside_of(&[&lower.mesh], &grid)).filter(|(a, b)| **a && *b).count();
+            let ml = common as f64 * grid.voxel_mm3() * 1e-3;
+            if ml >= COMMON_ML {
+                named.push((ml, format!("`{}` in `{}` ({ml:.1} ml)", upper.name, lower.name)));
+            }
+        }
+    }
+    named.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let named: Vec<String> = named.into_iter().map(|(_, words)| words).collect();
+    let words = insonify_core::names::listed(&named, 6, ", ");
+    (!named.is_empty()).then(|| format!("where organs overlap, the first named counts: {words}"))
+}
+
+/// Whether two boxes have common points.
+fn meet(a: &Bounds, b: &Bounds) -> bool {
+    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
+}
 
 /// Remarks on organs that occur more than once, and on organs of several separate pieces.
 pub fn remarks_on_organs(organs: &[OrganMesh]) -> Vec<String> {
@@ -111,20 +160,6 @@ fn is_same_place((p, v): &(Option<Bounds>, f64), (q, w): &(Option<Bounds>, f64))
     let near_mm = 0.02 * p.size().max_element();
     let far_mm = (p.min - q.min).abs().max((p.max - q.max).abs()).max_element();
     far_mm < near_mm && (v - w).abs() < 0.05 * v.abs()
-}
-
-/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex with each other.
-fn pieces_ml(mesh: &Mesh) -> Vec<f64> {
-    let (piece_of, count) = mesh.pieces();
-    let mut volumes = vec![0.0; count];
-    for (corners, piece) in mesh.corners_mm().zip(piece_of) {
-        let [a, b, c] = corners.map(|v| v.as_dvec3());
-        volumes[piece as usize] += a.dot(b.cross(c)) / 6.0;
-    }
-    let whole = mesh.signed_volume_mm3();
-    let mut large: Vec<f64> = volumes.into_iter().filter(|v| *v > PIECE * whole).map(|v| v * 1e-3).collect();
-    large.sort_by(|a, b| b.total_cmp(a));
-    large
 }
 
 fn part(mesh: &Mesh) -> Part {
@@ -195,4 +230,35 @@ fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> (Vec
         remarks: Vec::new(),
     };
     (make(inputs, options, &|_, _| ()).surfaces, outside)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use insonify_core::anatomy::analytic::sphere;
+
+    use super::*;
+    use crate::segmentation::classes::ClassTable;
+
+    #[test]
+    fn the_smaller_of_overlapping_organs_counts_in_any_order() {
+        let table = ClassTable::builtin("total-v2").unwrap();
+        let organ = |name: &str, at: Vec3, radius_mm: f32| OrganMesh {
+            name: name.to_owned(),
+            class: table.classes().iter().find(|class| class.name == name).unwrap().clone(),
+            mesh: sphere(at, radius_mm, 4),
+        };
+        let organs = [organ("spleen", Vec3::ZERO, 30.0), organ("liver", Vec3::X * 20.0, 60.0)];
+        let reversed = [organs[1].clone(), organs[0].clone()];
+        let [first, second] = [organs.to_vec(), reversed.to_vec()].map(|organs| surfaces(organs, &Options::default()));
+        let priority = |of: &[Made], name: &str| of.iter().find(|made| made.name == name).unwrap().priority;
+        for (made, remarks) in [&first, &second] {
+            assert!(priority(made, "spleen") > priority(made, "liver"));
+            // Of the spleen, 113.1 ml, all lies within the liver.
+            let said = remarks.iter().find(|remark| remark.contains("overlap")).unwrap();
+            let ml: f64 = said.split(['(', ' ']).find_map(|word| word.parse().ok()).unwrap();
+            assert!(said.contains("`spleen` in `liver`") && (ml / 113.1 - 1.0).abs() < 0.03, "{said}");
+        }
+        assert_eq!(first, second);
+    }
 }

@@ -20,6 +20,7 @@ pub mod mesh_files;
 pub mod meshing;
 pub mod naming;
 mod numbers;
+pub mod probe_choice;
 pub mod repair;
 pub mod repair_scene;
 pub mod shape;

@@ -9,8 +9,8 @@ use thiserror::Error;
 
 use super::from_labels::Made;
 use super::grid::CutPlane;
+use super::probe_choice::ProbeChoice;
 use super::skin_points::skin_points;
-use super::station_text::ProbeChoice;
 use super::windows::{Sight, WindowRow, look_at, windows};
 
 /// Acoustic impedances of tissues that ultrasound passes, MRayl: above gas, below bone.
@@ -18,6 +18,10 @@ const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
 /// Distance from the centre of the deepest window's plane to the bottom of the image, mm.
 const BELOW_MM: f64 = 25.0;
+
+/// Name of the window onto a lung, and the image's depth below its pleura, mm.
+const LUNG: &str = "lung";
+const LUNG_BELOW_MM: f64 = 60.0;
 
 /// Error if no probe position can be found.
 #[derive(Debug, Error)]
@@ -51,7 +55,7 @@ pub enum StartError {
 pub struct Start {
     /// Standard planes with their acoustic windows on the patient; may be empty.
     pub planes: StandardPlanes,
-    /// Table row of each window, with the hidden share of its target.
+    /// Table row of each window, with the hidden share of its target and the contact of the probe.
     pub windows: Vec<WindowRow>,
     /// Name of the segment in the first view.
     pub target: String,
@@ -102,7 +106,11 @@ impl Start {
         let pose = view.pose.ok_or_else(|| no_skin(&target))?;
         let empty = Mesh::default();
         let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);
-        let mut probe = ProbeChoice::for_target(&pose, mesh);
+        let of_lung = rows.iter().find(|row| row.name == LUNG && target.starts_with("lung"));
+        let mut probe = match of_lung {
+            Some(row) => ProbeChoice::of_depth(row.depth_mm + LUNG_BELOW_MM),
+            None => ProbeChoice::for_target(&pose, mesh),
+        };
         if probe.is_convex {
             let deepest_mm = rows.iter().map(|row| row.depth_mm).fold(0.0, f64::max);
             probe = ProbeChoice::of_depth(probe.depth_mm.max(deepest_mm + BELOW_MM));
@@ -114,7 +122,10 @@ impl Start {
 
 /// Name of the segment of the best window, or else of the largest segment.
 fn first_target(planes: &StandardPlanes, rows: &[WindowRow], segments: &[&Made]) -> String {
-    let best = rows.iter().min_by(|a, b| a.hidden.total_cmp(&b.hidden));
+    let unseen = |row: &WindowRow| row.hidden + (1.0 - row.touching);
+    // A lung shows little: it is the last choice.
+    let cost = |row: &WindowRow| if row.name == LUNG { 2.0 + unseen(row) } else { unseen(row) };
+    let best = rows.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
     let plane = best.and_then(|row| planes.planes.iter().find(|plane| plane.name == row.name));
     let outline = plane.and_then(|plane| plane.views.first()?.outlines.first().cloned());
     let of_outline = outline.and_then(|name| segments.iter().find(|made| made.name == name)?.segment.clone());

@@ -2,64 +2,28 @@
 
 use std::fmt::Write as _;
 
-use insonify_core::anatomy::Mesh;
 use insonify_core::names::one_line;
 use insonify_core::pose::Pose;
 
-/// Smallest and largest image depth, mm.
-const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
-/// Distance from the organ's deepest point to the bottom of the image, mm.
-const BELOW_MM: f64 = 15.0;
-/// Largest image depth for which a linear probe is chosen, mm.
-const LINEAR_MM: f64 = 60.0;
-
-/// Probe for a view.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ProbeChoice {
-    /// Whether the probe is convex; otherwise it is linear.
-    pub is_convex: bool,
-    /// Centre frequency, MHz.
-    pub frequency_mhz: f64,
-    /// Image depth, mm.
-    pub depth_mm: f64,
-    /// Depth of the focus, mm.
-    pub focus_mm: f64,
-}
-
-impl ProbeChoice {
-    /// Probe at `pose` that shows all of `target`: a linear probe if the target is near the skin, else a convex one.
-    pub fn for_target(pose: &Pose, target: &Mesh) -> Self {
-        let probe_from_scene = pose.inverse();
-        let depth = |v: &glam::Vec3| probe_from_scene.transform_point(v.as_dvec3()).z;
-        let deepest_mm = target.vertices_mm.iter().map(depth).fold(0.0, f64::max);
-        Self::of_depth(deepest_mm + BELOW_MM)
-    }
-
-    /// Probe for an image depth of `depth_mm`, rounded up to whole cm, within 40 to 220 mm.
-    pub fn of_depth(depth_mm: f64) -> Self {
-        let depth_mm = (10.0 * (depth_mm / 10.0).ceil()).clamp(DEPTHS_MM[0], DEPTHS_MM[1]);
-        let is_convex = depth_mm > LINEAR_MM;
-        let frequency_mhz = match depth_mm {
-            d if d <= LINEAR_MM => 9.0,
-            d if d <= 110.0 => 5.0,
-            _ => 3.5,
-        };
-        Self { is_convex, frequency_mhz, depth_mm, focus_mm: (0.55 * depth_mm).round() }
-    }
-}
+use super::probe_choice::{CONVEX, LINEAR_WIDTH_MM, ProbeChoice};
 
 /// Text of a station file for `scene`, a path relative to the station file. `what` names the content of the view, for a
 /// comment in the file.
 pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -> String {
     let ProbeChoice { is_convex, frequency_mhz, depth_mm, focus_mm } = *probe;
     let mut out = String::new();
+    let (radius_mm, fov_deg) = CONVEX;
     let kind = if is_convex {
-        "kind = \"convex\"              # scanlines start on an arc\n\
-         radius_mm = 60.0             # radius of curvature of the face\n\
-         fov_deg = 60.0               # angle of the sector\n"
+        format!(
+            "kind = \"convex\"              # scanlines start on an arc\n\
+             radius_mm = {radius_mm:?}             # radius of curvature of the face\n\
+             fov_deg = {fov_deg:?}               # angle of the sector\n"
+        )
     } else {
-        "kind = \"linear\"              # parallel scanlines\n\
-         width_mm = 40.0              # width of the face\n"
+        format!(
+            "kind = \"linear\"              # parallel scanlines\n\
+             width_mm = {LINEAR_WIDTH_MM:?}              # width of the face\n"
+        )
     };
     // Two-way loss of soft tissue and muscle at the probe's frequency, dB/cm.
     let tgc = (10.0 * 1.3 * frequency_mhz).round() / 10.0;

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::body::OutlineSource;
 use super::from_labels::{Facts, Made};
+use super::shape::pieces_ml;
 use super::windows::WindowRow;
 
 /// Names of the sides, in the order of [`Facts::cut`].
@@ -80,6 +81,62 @@ pub(super) fn remark_of_outline() -> &'static str {
     "the body's outline is a guess, a hull around all organs"
 }
 
+/// Organs of which a patient has one, in one piece.
+const SINGLE: [&str; 11] = [
+    "liver",
+    "spleen",
+    "pancreas",
+    "stomach",
+    "urinary_bladder",
+    "gallbladder",
+    "heart",
+    "aorta",
+    "brain",
+    "uterus",
+    "prostate",
+];
+/// Least volume of a second piece of such an organ that is reported, relative to the first.
+const SECOND: f64 = 0.5;
+
+/// Outer surfaces of organs.
+fn organs(surfaces: &[Made]) -> impl Iterator<Item = &Made> {
+    surfaces.iter().filter(|made| made.segment.is_some() && made.voxels_mm3.is_some())
+}
+
+/// Remarks on anatomy that a patient has and the scene hasn't, one line each.
+pub fn remarks_of_missing(surfaces: &[Made]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let has = |word: &str| surfaces.iter().any(|made| made.tissue.starts_with(word));
+    let is_trunk =
+        organs(surfaces).any(|made| ["liver", "spleen", "heart"].iter().any(|organ| made.name.starts_with(organ)));
+    if !has("bone") {
+        remarks.push("no bone is given: the scene has no shadows of bone".to_owned());
+    }
+    if is_trunk && !has("lung") {
+        remarks.push("no lung is given: where it lies is soft tissue".to_owned());
+    }
+    remarks
+}
+
+/// Remarks on organs of which a patient has one and the scene two, one line each.
+pub fn remarks_of_twins(surfaces: &[Made]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    for (made, name) in organs(surfaces).filter_map(|made| Some((made, made.segment.as_deref()?))) {
+        if !SINGLE.contains(&name) {
+            continue;
+        }
+        let pieces = pieces_ml(&made.mesh);
+        if let [first, second, ..] = pieces[..]
+            && second >= SECOND * first
+        {
+            remarks.push(format!(
+                "`{name}` has two pieces of like size ({first:.0} and {second:.0} ml): are there two patients?"
+            ));
+        }
+    }
+    remarks
+}
+
 impl Facts {
     /// Remarks on parts of the body that are missing or guessed, one line each.
     pub fn remarks(&self) -> Vec<String> {
@@ -115,13 +172,9 @@ impl fmt::Display for Summary {
         }
         let surfaces = counted(self.surfaces.len(), "surface");
         writeln!(f, "{surfaces}, {} triangles", thousands(self.triangles()))?;
-        for WindowRow { name, title, depth_mm, hidden } in &self.windows {
-            let hidden = if *hidden > 0.0 {
-                format!(", {:.0} % shadowed by bone or gas", 100.0 * hidden)
-            } else {
-                String::new()
-            };
-            writeln!(f, "window {name}: {title}, {depth_mm:.0} mm deep{hidden}")?;
+        for window in &self.windows {
+            let WindowRow { name, title, depth_mm, .. } = window;
+            writeln!(f, "window {name}: {title}, {depth_mm:.0} mm deep{}", window.faults())?;
         }
         for line in self.repairs.iter().chain(&self.remarks) {
             writeln!(f, "{line}")?;
@@ -133,5 +186,41 @@ impl fmt::Display for Summary {
             writeln!(f, "{}", file.display())?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use insonify_core::anatomy::Mesh;
+    use insonify_core::anatomy::analytic::sphere;
+
+    use super::*;
+
+    fn made(name: &str, tissue: &str, mesh: Mesh) -> Made {
+        let (segment, voxels_mm3) = (Some(name.to_owned()), Some(mesh.signed_volume_mm3()));
+        Made { name: name.to_owned(), tissue: tissue.to_owned(), priority: 0, mesh, segment, voxels_mm3 }
+    }
+
+    #[test]
+    fn missing_anatomy_and_a_second_liver_are_said() {
+        let one = sphere(Vec3::ZERO, 50.0, 4);
+        let mut two = one.clone();
+        let first = two.vertices_mm.len() as u32;
+        two.vertices_mm.extend(one.vertices_mm.iter().map(|v| *v + Vec3::X * 300.0));
+        two.triangles.extend(one.triangles.iter().map(|t| t.map(|v| v + first)));
+        let words = |surfaces: &[Made]| [remarks_of_missing(surfaces), remarks_of_twins(surfaces)].concat().join("; ");
+        let said = words(&[made("liver", "liver", two.clone())]);
+        assert!(said.contains("no bone") && said.contains("no lung") && said.contains("two patients"), "{said}");
+        let mut walled = made("urinary_bladder", "urine", two);
+        walled.name = "urinary_bladder_wall".to_owned();
+        let said = words(&[walled]);
+        assert!(said.contains("`urinary_bladder` has two pieces"), "{said}");
+        let whole = [
+            made("liver", "liver", one.clone()),
+            made("ribs", "bone_adult", one.clone()),
+            made("lung_left", "lung_aerated", one),
+        ];
+        assert_eq!(words(&whole), "");
     }
 }

@@ -38,6 +38,11 @@ impl Sight {
         &self.skin
     }
 
+    /// Outermost point of bone or gas on the line from `from_mm` along `direction`.
+    pub fn hard_exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
+        self.hard.as_ref()?.exit(from_mm, direction)
+    }
+
     /// Point where the line from `from_mm` along `direction` leaves the skin; `None` if it leaves the body where the
     /// scan ends.
     pub fn contact(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {

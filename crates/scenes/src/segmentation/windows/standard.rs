@@ -1,10 +1,10 @@
 //! The acoustic windows: organ, usual direction to the probe, and plane of each.
 
 use glam::DVec3;
-use insonify_core::anatomy::Mesh;
 use insonify_core::anatomy::planes::{
     Caliper, CaliperKind, PLANES_VERSION, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances, View,
 };
+use insonify_core::anatomy::{Mesh, Skin};
 
 use super::{ProbeSite, Sight, WindowRow, best_site};
 use crate::segmentation::from_labels::Made;
@@ -17,11 +17,10 @@ const FRONT: DVec3 = DVec3::NEG_Y;
 const HEAD: DVec3 = DVec3::Z;
 const FEET: DVec3 = DVec3::NEG_Z;
 
-/// Depth to which the probe is pressed into the skin, mm.
-pub(crate) const PRESS_MM: f64 = 4.0;
-
 const ABDOMEN_GUIDE: &str = "AIUM Practice Parameter for the Performance of an Ultrasound Examination of the Abdomen \
                              and/or Retroperitoneum (2017)";
+const LUNG_GUIDE: &str = "Volpicelli et al., International evidence-based recommendations for point-of-care lung \
+                          ultrasound (2012)";
 const HEART_GUIDE: &str = "ASE Guidelines for Performing a Comprehensive Transthoracic Echocardiographic Examination \
                            in Adults (2019)";
 
@@ -45,10 +44,10 @@ struct Wish {
     cone_deg: f64,
 }
 
-/// Windows of a patient, with poses and hidden shares. A window without its organs, or without skin, is left out.
+/// Windows of a patient, with poses, hidden shares and contact. A window without its organs, or without skin, is left out.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
-    let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
+    let made = [liver, right_kidney, left_kidney, aorta, bladder, heart, lung].map(|window| window(&organs));
     let (mut planes, mut rows) = (Vec::new(), Vec::new());
     for (mut plane, wishes) in made.into_iter().flatten() {
         for (view, site) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
@@ -73,6 +72,7 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<View> {
         "aorta" => Some(aorta),
         "urinary_bladder" => Some(bladder),
         name if name.starts_with("heart") => Some(heart),
+        name if lung_of(&organs).is_some_and(|lung| lung.segment.as_deref() == Some(name)) => Some(lung),
         _ => None,
     };
     let wish = window.and_then(|window| window(&organs)).and_then(|(_, wishes)| wishes.into_iter().next());
@@ -92,7 +92,7 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
     view.lateral = view.lateral.reject_from(site.to_probe).normalize_or(site.to_probe.any_orthonormal_vector());
     view.to_probe = site.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
-    view.pose = view.pose_on(sight.skin(), PRESS_MM);
+    view.pose = view.pose_on(sight.skin(), site.touch.press_mm);
     // A landmark too far from the plane is left out, since it would prevent the recognition of the plane.
     let (centre_mm, normal) = (view.centre_mm, view.normal);
     let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
@@ -266,6 +266,26 @@ fn heart(organs: &Organs) -> Option<Window> {
     }
     let plane = plane("heart", "parasternal long axis of the heart", HEART_GUIDE, 20.0, 12.0);
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
+}
+
+/// Distance of the lung window's centre from the pleura, mm.
+const PLEURA_MM: f64 = 4.0;
+
+/// Lung, or lobe of a lung, at the front of the chest.
+fn lung_of<'a>(organs: &Organs<'a>) -> Option<&'a Made> {
+    organs.of(&["lung_upper_lobe_right", "lung_right", "lung_upper_lobe_left", "lung_left", "lung"])
+}
+
+/// Pleural line between the ribs: from the front, along the body, where the lung reaches the chest's wall.
+fn lung(organs: &Organs) -> Option<Window> {
+    let lung = lung_of(organs)?;
+    let shape = Shape::of(&lung.mesh)?;
+    let pleura_mm = Skin::of_triangles(lung.mesh.corners_mm()).ok()?.exit(shape.centre_mm, FRONT)?;
+    // In front of the pleura, so that the lung itself doesn't count as gas in between.
+    let mut view = view("", pleura_mm + PLEURA_MM * FRONT, FEET, FRONT);
+    view.outlines = vec![lung.name.clone()];
+    let plane = plane("lung", "lung with pleural line", LUNG_GUIDE, 20.0, 20.0);
+    Some((plane, vec![Wish { view, radius_mm: 4.0, cone_deg: 40.0 }]))
 }
 
 /// Midpoint of the shortest line between vertices of two meshes, and the line's length, mm. At most some thousand
