@@ -3,10 +3,15 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use thiserror::Error;
 
 use super::FileError;
+
+/// Tries to lock a file, and the time between them.
+const LOCK_TRIES: usize = 5;
+const LOCK_WAIT: Duration = Duration::from_millis(20);
 
 /// Errors in partial files.
 #[derive(Debug, Error)]
@@ -89,11 +94,15 @@ impl PartFile {
 
     /// Locks `file` against other processes. The lock ends with this process, even if it is killed.
     fn lock(&self, file: &File) -> Result<(), PartError> {
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => Err(PartError::Busy { path: self.part.clone() }),
-            // Some network file systems don't support locks; writing without a lock is better than not at all.
-            Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+        // A process that this one is starting holds a copy of its files, and so their locks, for some milliseconds.
+        for _ in 0..LOCK_TRIES {
+            match file.try_lock() {
+                Err(TryLockError::WouldBlock) => std::thread::sleep(LOCK_WAIT),
+                // Some network file systems don't support locks; writing without a lock is better than not at all.
+                Ok(()) | Err(TryLockError::Error(_)) => return Ok(()),
+            }
         }
+        Err(PartError::Busy { path: self.part.clone() })
     }
 
     /// Next free name for the content of an unfinished file.
