@@ -29,8 +29,8 @@ fn farthest(text: &str) -> Result<f64, String> {
 
 /// Repair the surfaces of a scene, and report the changes to each.
 ///
-/// Inward-facing surfaces are turned, doubled sheets and fragments removed. What is open or crosses itself is made anew from
-/// what it encloses, with flat caps at cuts and fills over holes. Remaining defects are listed; `insonify doctor` checks
+/// Inward-facing surfaces are turned, doubled sheets and fragments removed. Surfaces that are open or cross themselves are made
+/// anew from the region that they enclose, with flat caps at cuts and fills over holes. Remaining defects are listed; `insonify doctor` checks
 /// everything else.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  insonify scene repair scene.glb --out mended.glb")]

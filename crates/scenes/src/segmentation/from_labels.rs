@@ -199,11 +199,17 @@ fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     Some(fat)
 }
 
-/// Priority of a label's outer surface. Organs are 3 apart, which leaves room for the surfaces within them.
+/// Priority of the outer surface of an organ, by the number of organs below it. Organs are 3 apart, which leaves room for
+/// the surfaces within them.
+pub(super) fn nth_priority(below: usize) -> i32 {
+    100 + 3 * below as i32
+}
+
+/// Priority of a label's outer surface.
 fn priority_of(organs: &[Organ], label: u16) -> i32 {
     let rank = |label: u16| (organs.get(usize::from(label).wrapping_sub(1)).map_or(0, |o| o.priority), label);
     let below = (1..=organs.len() as u16).filter(|&other| rank(other) < rank(label)).count();
-    100 + 3 * below as i32
+    nth_priority(below)
 }
 
 struct Builder<'a> {

@@ -3,7 +3,7 @@
 use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::classes::{Class, Role};
-use super::from_labels::{Inputs, Made, Options, make};
+use super::from_labels::{Inputs, Made, Options, make, nth_priority};
 use super::grid::Grid;
 use super::meshing::Part;
 use super::shape::pieces_ml;
@@ -60,8 +60,7 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     organs.sort_by(|a, b| class_priority(a).cmp(&class_priority(b)).then(volume(b).total_cmp(&volume(a))));
     remarks.extend(remark_of_overlaps(&organs));
     for (number, OrganMesh { name, class, mesh }) in organs.into_iter().enumerate() {
-        // Organs are 3 apart, as those of labels: there is room for the surfaces within them.
-        let priority = 100 + 3 * number as i32;
+        let priority = nth_priority(number);
         let tissue = class.tissue.clone().unwrap_or_default();
         let outer = part(&mesh);
         let (segment, volume) = (Some(name.as_str()), Some(outer.volume_mm3()));
@@ -98,7 +97,7 @@ fn remark_of_overlaps(organs: &[OrganMesh]) -> Option<String> {
     let mut named = Vec::new();
     for (n, upper) in organs.iter().enumerate() {
         let is_over = |&m: &usize| {
-            class_priority(&organs[m]) >= ORGAN && bounds[m].zip(bounds[n]).is_some_and(|(a, b)| meet(&a, &b))
+            class_priority(&organs[m]) >= ORGAN && bounds[m].zip(bounds[n]).is_some_and(|(a, b)| a.meets(b))
         };
         let over: Vec<usize> = (0..n).filter(is_over).collect();
         if over.is_empty() {
@@ -117,11 +116,6 @@ fn remark_of_overlaps(organs: &[OrganMesh]) -> Option<String> {
     let named: Vec<String> = named.into_iter().map(|(_, words)| words).collect();
     let words = insonify_core::names::listed(&named, 6, ", ");
     (!named.is_empty()).then(|| format!("where organs overlap, the first named counts: {words}"))
-}
-
-/// Whether two boxes have common points.
-fn meet(a: &Bounds, b: &Bounds) -> bool {
-    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
 }
 
 /// Remarks on organs that occur more than once, and on organs of several separate pieces.

@@ -3,8 +3,9 @@
 use insonify_core::anatomy::Mesh;
 use insonify_core::pose::Pose;
 
-/// Face of a convex and of a linear probe, as in the station file.
+/// Radius of curvature of a convex probe's face, mm, and angle of its sector, degrees.
 pub(super) const CONVEX: (f64, f64) = (60.0, 60.0);
+/// Width of a linear probe's face, mm.
 pub(super) const LINEAR_WIDTH_MM: f64 = 40.0;
 
 /// Smallest and largest image depth, mm.

@@ -11,13 +11,10 @@ use super::from_labels::Made;
 use super::grid::CutPlane;
 use super::probe_choice::ProbeChoice;
 use super::skin_points::skin_points;
-use super::windows::{Sight, WindowRow, look_at, windows};
+use super::windows::{BELOW_MM, Sight, WindowRow, look_at, windows};
 
 /// Acoustic impedances of tissues that ultrasound passes, MRayl: above gas, below bone.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
-
-/// Distance from the centre of the deepest window's plane to the bottom of the image, mm.
-const BELOW_MM: f64 = 25.0;
 
 /// Name of the window onto a lung, and the image's depth below its pleura, mm.
 const LUNG: &str = "lung";

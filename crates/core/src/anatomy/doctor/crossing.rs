@@ -30,6 +30,21 @@ pub struct Crossings {
     pub regions: Vec<Region>,
 }
 
+/// Folds are accepted up to one in this number of a surface's triangles.
+const FOLDS_ONE_IN: usize = 25;
+
+impl Crossings {
+    /// Whether there are more folds than decimation leaves, in a surface of so many triangles.
+    pub fn is_crumpled(&self, triangles: usize) -> bool {
+        self.folds * FOLDS_ONE_IN > triangles
+    }
+
+    /// Whether the surface, of so many triangles, passes through itself or is crumpled.
+    pub fn are_serious(&self, triangles: usize) -> bool {
+        self.overlaps > 0 || self.is_crumpled(triangles)
+    }
+}
+
 /// A crossing of two triangles.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair {

@@ -14,9 +14,6 @@ use crate::suggest::did_you_mean;
 /// Height of a triangle below which rays from 150 mm may miss it, mm; equal to the tracer's edge tolerance.
 const SLIVER_MM: f64 = 1e-4;
 
-/// Folds are reported if there is more than one fold per this number of the surface's triangles.
-const FOLDS_ONE_IN: usize = 25;
-
 /// Slivers are reported if there is more than one sliver per this number of the surface's triangles. Rays that miss a
 /// few slivers hit the neighbouring triangles.
 const SLIVERS_ONE_IN: usize = 1000;
@@ -213,11 +210,13 @@ impl SurfaceCheck {
 
     /// Runs the checks that need a spatial tree: for crossing triangles, and for parts that face the wrong way.
     pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
-        let crossing::Crossings { overlaps, folds, regions } = crossing::find(tree, &self.part);
+        let found = crossing::find(tree, &self.part);
+        let is_crumpled = found.is_crumpled(tree.mesh.triangles.len());
+        let crossing::Crossings { overlaps, folds, regions } = found;
         if overlaps > 0 {
             let what = format!("{overlaps} pairs of its triangles pass through each other");
             self.report(Finding::new(Defect::SelfIntersection, what).at(regions));
-        } else if folds * FOLDS_ONE_IN > tree.mesh.triangles.len() {
+        } else if is_crumpled {
             let what = format!("{folds} pairs of neighbouring triangles fold through each other");
             self.report(Finding::new(Defect::Crumpled, what).at(regions));
         }

@@ -86,9 +86,9 @@ pub trait Solid: Sync {
     /// Whether a whole box lies within or without; `None` if the surface may pass.
     fn whole(&self, low_mm: DVec3, high_mm: DVec3) -> Option<bool>;
 
-    /// Whether the points of a grid lie within, x fastest.
-    fn grid(&self, grid: &Grid) -> Vec<bool> {
-        grid.points().map(|at_mm| self.holds(at_mm)).collect()
+    /// Whether the points of a grid lie within, x fastest, if all together can be told faster than one by one.
+    fn grid(&self, _: &Grid) -> Option<Vec<bool>> {
+        None
     }
 
     /// Crossing of the surface between two points, one within and one without.
@@ -220,7 +220,10 @@ fn labels(solid: &impl Solid, all: &Grid) -> Vec<u16> {
             let inside = match solid.whole(block.low_mm, block.point(counts.map(|n| n - 1))) {
                 Some(false) => continue,
                 Some(true) => vec![true; counts.iter().product()],
-                None => solid.grid(&block),
+                None => {
+                    let one_by_one = || block.points().map(|at_mm| solid.holds(at_mm)).collect();
+                    solid.grid(&block).unwrap_or_else(one_by_one)
+                }
             };
             for (n, row) in inside.chunks(counts[0]).enumerate() {
                 let first = (n / counts[1] * ny + y + n % counts[1]) * nx + x;

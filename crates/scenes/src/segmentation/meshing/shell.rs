@@ -23,8 +23,6 @@ const CUT_ROUNDS: usize = 60;
 const FOLD_ROUNDS: usize = 12;
 /// Smallest cosine of the angle between the normals of a face and of its offset. Faces below this limit turn over.
 const TURN_MIN: f64 = 0.3;
-/// Folds are accepted up to one in this number of triangles.
-const FOLDS_ONE_IN: usize = 25;
 /// Distance inward from the surface at which a ray starts, mm.
 const START_MM: f64 = 1e-3;
 
@@ -40,10 +38,8 @@ impl Part {
         let moved = self.moved_inward(depth_mm);
         let mesh = moved.mesh(&DAffine3::IDENTITY);
         // Shallow folds are accepted, as by the check of scenes.
-        let crosses = Tree::new(&mesh).is_some_and(|tree| {
-            let found = crossing::find(&tree, &vec![0; mesh.triangles.len()]);
-            found.overlaps > 0 || found.folds * FOLDS_ONE_IN > mesh.triangles.len()
-        });
+        let found = Tree::new(&mesh).map(|tree| crossing::find(&tree, &[]));
+        let crosses = found.is_some_and(|found| found.are_serious(mesh.triangles.len()));
         if crosses { shrunk(self, depth_mm) } else { moved }
     }
 

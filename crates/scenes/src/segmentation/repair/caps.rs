@@ -87,7 +87,7 @@ impl Side {
         let of_tile = |n: usize| {
             let at = [n % count, n / count];
             let middle = 0.5 * (self.corner(all, at) + self.corner(all, at.map(|n| n + 1)));
-            is_left(&self.rims, self.flat(middle))
+            is_covered(&self.rims, self.flat(middle))
         };
         self.tiles = (0..count * rows).into_par_iter().map(of_tile).collect();
     }
@@ -127,9 +127,9 @@ impl Side {
     }
 }
 
-/// Whether a point lies to the left of the nearest of some edges. At a corner of two, the one that it is more beside
-/// decides.
-fn is_left(rims: &[[DVec2; 2]], at: DVec2) -> bool {
+/// Whether a point lies to the left of the nearest edge. Where two edges are equally near, as at a corner, the one whose line
+/// is farther away decides.
+fn is_covered(rims: &[[DVec2; 2]], at: DVec2) -> bool {
     let mut best = (f64::INFINITY, 0.0);
     for [from, to] in rims {
         let along = *to - *from;

@@ -8,8 +8,8 @@
 //! 3. The winding is made consistent in each part.
 //! 4. Parts without thickness and small fragments are removed.
 //! 5. Parts are turned outward. Parts within an odd number of others are cavities and face inward.
-//! 6. A surface that is now closed, with two triangles at each edge, and doesn't cross itself is left as it is, but for a
-//!    few shallow folds that the check of scenes accepts. Any other is remeshed: the result is the contour of the region
+//! 6. A surface is now left as it is if it is closed, with two triangles at each edge, and doesn't pass through itself. A
+//!    few folds are accepted, as by the check of scenes. Any other surface is remeshed: the result is the contour of the region
 //!    with a winding number of at least ½. Plane rims, and rims along the sides of the bounding box, get flat caps.
 //!    Other holes close as a soap film would. Overlapping parts become one.
 //!

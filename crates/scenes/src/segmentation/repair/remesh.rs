@@ -27,10 +27,8 @@ const APART_VOXELS: f64 = 1.5;
 const BESIDE_VOXELS: f64 = 1e-3;
 /// Largest deviation of a fill from a plane at which it is a flat cap, voxels.
 const FLAT_VOXELS: f64 = 0.5;
-/// Folds are tolerated up to one in this number of triangles, as by the check of scenes.
-const FOLDS_ONE_IN: usize = 25;
 
-/// Whether a surface is closed, with two triangles at each edge, and doesn't cross itself.
+/// Whether a surface is closed, with two triangles at each edge, and doesn't pass through itself.
 pub(super) fn is_sound(work: &Work) -> bool {
     let edges = edges::sorted(&work.mesh.triangles);
     let paired = edges::groups(&edges).all(|group| matches!(group, [a, b] if a.back != b.back));
@@ -39,7 +37,7 @@ pub(super) fn is_sound(work: &Work) -> bool {
     }
     let (_, part_of) = orient::parts(&work.mesh);
     let found = Tree::new(&work.mesh).map(|tree| crossing::find(&tree, &part_of));
-    found.is_none_or(|found| found.overlaps == 0 && found.folds * FOLDS_ONE_IN <= work.mesh.triangles.len())
+    found.is_none_or(|found| !found.are_serious(work.mesh.triangles.len()))
 }
 
 /// The region with a winding number of at least ½, of a surface with its caps.
@@ -109,24 +107,21 @@ impl Solid for Wound {
     }
 
     /// Away from rims, the numbers of a grid differ by the crossings between its points.
-    fn grid(&self, grid: &Grid) -> Vec<bool> {
+    fn grid(&self, grid: &Grid) -> Option<Vec<bool>> {
         let high_mm = grid.point(grid.counts);
         let (centre, radius) = (0.5 * (grid.low_mm + high_mm), 0.5 * grid.low_mm.distance(high_mm));
-        let by_crossings = || {
-            if self.rims.nearest(centre, radius + grid.step_mm).is_some() {
-                return None;
-            }
-            let first = self.whole_number(grid.low_mm)?;
-            let numbers = numbers(&self.winding.near(centre, radius), first, grid);
-            let last = grid.counts.map(|n| n - 1);
-            let corner = |n: usize| [0, 1, 2].map(|axis| if n >> axis & 1 == 1 { last[axis] } else { 0 });
-            let is_known = |[x, y, z]: [usize; 3]| {
-                let found = numbers[(z * grid.counts[1] + y) * grid.counts[0] + x];
-                self.whole_number(grid.point([x, y, z])) == Some(found)
-            };
-            (1..8).map(corner).all(is_known).then(|| numbers.iter().map(|&number| number > 0).collect())
+        if self.rims.nearest(centre, radius + grid.step_mm).is_some() {
+            return None;
+        }
+        let first = self.whole_number(grid.low_mm)?;
+        let numbers = numbers(&self.winding.near(centre, radius), first, grid);
+        let last = grid.counts.map(|n| n - 1);
+        let corner = |n: usize| [0, 1, 2].map(|axis| if n >> axis & 1 == 1 { last[axis] } else { 0 });
+        let is_known = |[x, y, z]: [usize; 3]| {
+            let found = numbers[(z * grid.counts[1] + y) * grid.counts[0] + x];
+            self.whole_number(grid.point([x, y, z])) == Some(found)
         };
-        by_crossings().unwrap_or_else(|| grid.points().map(|at_mm| self.holds(at_mm)).collect())
+        (1..8).map(corner).all(is_known).then(|| numbers.iter().map(|&number| number > 0).collect())
     }
 
     fn crossing(&self, from_mm: DVec3, to_mm: DVec3) -> Crossing {
@@ -204,7 +199,7 @@ fn cross(corners: &[DVec3; 3], axis: usize, rows: [usize; 2], grid: &Grid, mut o
     }
 }
 
-/// Whether a point lies to the left of an edge. On the edge, of two triangles that share it one has the point.
+/// Whether a point lies to the left of an edge. A point on an edge of two triangles lies in exactly one of them.
 fn is_left(from: DVec2, to: DVec2, at: DVec2) -> bool {
     let is_turned = (to.x, to.y) < (from.x, from.y);
     let [low, high] = if is_turned { [to, from] } else { [from, to] };
@@ -220,7 +215,7 @@ fn voxel_mm(mesh: &Mesh, max_move_mm: f64) -> f64 {
     (0.5 * mean_mm).clamp(fine_mm, coarse_mm).min((max_move_mm / MOVE_VOXELS).max(least_mm))
 }
 
-/// Replaces the surface by the contour of what it winds about.
+/// Replaces the surface by the contour of the region with a winding number of at least ½.
 pub(super) fn remesh(work: &mut Work, settings: &RepairSettings) {
     let given = std::mem::take(&mut work.mesh);
     let voxel_mm = voxel_mm(&given, settings.max_move_mm);
@@ -320,4 +315,32 @@ fn log_left_out(work: &mut Work, given: &Mesh, contour: &Contour, solid: &Wound)
     let of = |is_border: bool| apart.iter().filter(move |(is, _)| *is == is_border).map(|(_, corners)| *corners);
     work.log(ActionKind::LeftOut, of(false).count(), [region(of(false).flatten())]);
     work.leave(RemainingKind::Lost, of(true).count(), [region(of(true).flatten())]);
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify_core::anatomy::analytic::{joined, sphere};
+
+    use super::*;
+
+    #[test]
+    fn numbers_by_crossings_are_those_of_single_points() {
+        // Two balls that overlap, and a cavity.
+        let mut cavity = sphere(Vec3::new(-12.0, 2.0, 1.0), 5.0, 3);
+        cavity.flip();
+        let balls = [sphere(Vec3::new(-10.0, 1.0, 2.0), 20.0, 4), sphere(Vec3::new(12.0, 0.0, -3.0), 18.0, 4), cavity];
+        let closed = joined(balls);
+        let solid = Wound::of(&closed, closed.triangles.len());
+        let (mut passed, mut inside) = (0, 0);
+        for n in 0..512usize {
+            let at = DVec3::from_array([n % 8, n / 8 % 8, n / 64].map(|n| n as f64));
+            let grid = Grid { low_mm: 8.13 * (at - 4.0), step_mm: 1.0171, counts: [8, 7, 8] };
+            let found = solid.grid(&grid).unwrap();
+            let expected: Vec<bool> = grid.points().map(|at_mm| solid.holds(at_mm)).collect();
+            assert_eq!(found, expected, "{:?}", grid.low_mm);
+            passed += usize::from(found.contains(&true) && found.contains(&false));
+            inside += found.iter().filter(|&&inside| inside).count();
+        }
+        assert!(passed > 50 && inside > 10_000, "{passed} {inside}");
+    }
 }

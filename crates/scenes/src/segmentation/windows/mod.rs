@@ -19,7 +19,7 @@ use super::probe_choice::ProbeChoice;
 use insonify_core::anatomy::planes::View;
 
 /// Distance from a window's centre to the bottom of the image, mm.
-const BELOW_MM: f64 = 25.0;
+pub(super) const BELOW_MM: f64 = 25.0;
 
 /// Number of rings of search directions around the usual direction, and number of directions per ring.
 const RINGS: usize = 6;
@@ -61,7 +61,7 @@ impl WindowRow {
         Self { name: name.to_owned(), title: title.to_owned(), depth_mm, hidden, touching }
     }
 
-    /// What is wrong with the window, in words; empty if nothing is.
+    /// Shadow and missing contact in words, for the end of a sentence; empty without either.
     pub fn faults(&self) -> String {
         let mut words = String::new();
         if self.hidden > 0.0 {

@@ -95,6 +95,7 @@ fn a_sphere_larger_than_the_scan_is_closed_along_all_sides_of_the_box() {
     let (mesh, shape) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let (_, report) = mended(mesh, &shape);
     assert_eq!((count(&report, ActionKind::PlanarCap), report.parts), (6, 1), "{report}");
+    assert_eq!(report.cuts.len(), 6);
     // The solid includes six corners of the box, but not two opposite ones, whichever way the surface faces.
     let (mut mesh, ball_in_box) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let at = mesh.vertices_mm.clone();

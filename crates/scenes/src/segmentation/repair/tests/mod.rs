@@ -335,6 +335,17 @@ fn radial_noise_with_two_ragged_holes_is_closed() {
 }
 
 #[test]
+fn a_part_thinner_than_the_voxels_is_said_to_be_lost() {
+    // The ball has a hole, so all is remeshed; the plate of 0.02 mm lies between the voxels.
+    let mut mesh = sphere(50.0, 4);
+    mesh.triangles.truncate(mesh.triangles.len() - 1);
+    let plate = moved(cuboid(Vec3::ZERO, Vec3::new(40.0, 40.0, 0.01), 4), Vec3::Z * 70.3);
+    let (_, report) = repair("s", both(&mesh, &plate), &RepairSettings::default());
+    let lost = report.remaining.iter().find(|left| left.kind == RemainingKind::Lost);
+    assert!(lost.is_some_and(|lost| lost.count >= 2 * 2 * 16), "{report}");
+}
+
+#[test]
 fn a_moebius_strip_is_said_to_have_one_side() {
     let (around, across) = (80u32, 4u32);
     let at = |i: u32, j: u32| {
