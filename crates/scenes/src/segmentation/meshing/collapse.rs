@@ -1,15 +1,13 @@
 //! Decimation of a complex, the surfaces of all labels: edges are collapsed in the order of their error (Garland and
-//! Heckbert 1997).
+//! Heckbert 1997), to a sixteenth of it.
 //!
 //! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Junction lines, where
 //! several surfaces join, stay in position. Vertices on a face of the grid stay in the plane of that face.
 
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::bucket_queue::BucketQueue;
 use super::complex::Complex;
 use super::quadric::Quadric;
 use super::smooth::Kind;
@@ -21,32 +19,10 @@ const QUALITY_MIN: f64 = 0.08;
 /// Weight of the planes that hold junction lines in position.
 const LINE_WEIGHT: f64 = 4.0;
 
-/// Edge in the queue, with its cost and the versions of its vertices at the time of queueing.
+/// Edge in the queue, with the versions of its vertices at the time of queueing.
 struct Candidate {
-    cost: f32,
     edge: [u32; 2],
     versions: [u32; 2],
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Candidate {}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Candidate {
-    /// The candidate of least cost is the greatest, so that the heap returns it first.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.edge.cmp(&self.edge)).then(other.versions.cmp(&self.versions))
-    }
 }
 
 /// A possible collapse of an edge to a point.
@@ -83,7 +59,7 @@ impl Complex {
         let mut left = before;
         let mut scratch = Vec::new();
         while left > triangles {
-            let Some(Candidate { edge, versions, .. }) = queue.pop() else { break };
+            let Some(Candidate { edge, versions }) = queue.pop() else { break };
             let current = edge.map(|v| decimation.versions[v as usize]);
             if current != versions {
                 continue;
@@ -196,27 +172,32 @@ impl<'a> Decimation<'a> {
         found.dedup();
     }
 
-    fn queue(&self) -> BinaryHeap<Candidate> {
+    fn queue(&self) -> BucketQueue<Candidate> {
         let edges = |v: u32| {
             let mut others = Vec::new();
             self.neighbours(v, &mut others);
             others.into_iter().filter(move |&other| other > v).map(move |other| [v, other])
         };
-        let candidates: Vec<Candidate> = (0..self.around.len() as u32)
+        let candidates: Vec<(f32, Candidate)> = (0..self.around.len() as u32)
             .into_par_iter()
             .flat_map_iter(edges)
             .filter_map(|edge| self.candidate(edge))
             .collect();
-        BinaryHeap::from(candidates)
+        let mut queue = BucketQueue::new();
+        candidates.into_iter().for_each(|(cost, candidate)| queue.push(cost, candidate));
+        queue
     }
 
-    fn candidate(&self, edge: [u32; 2]) -> Option<Candidate> {
+    /// An edge that may be collapsed, with the cost of its collapse.
+    fn candidate(&self, edge: [u32; 2]) -> Option<(f32, Candidate)> {
         let cost = self.collapse(edge)?.cost as f32;
-        Some(Candidate { cost, edge, versions: edge.map(|v| self.versions[v as usize]) })
+        Some((cost, Candidate { edge, versions: edge.map(|v| self.versions[v as usize]) }))
     }
 
-    fn push(&self, queue: &mut BinaryHeap<Candidate>, edge: [u32; 2]) {
-        queue.extend(self.candidate(edge));
+    fn push(&self, queue: &mut BucketQueue<Candidate>, edge: [u32; 2]) {
+        if let Some((cost, candidate)) = self.candidate(edge) {
+            queue.push(cost, candidate);
+        }
     }
 
     /// The collapse of an edge; `None` if neither vertex may be removed, or the error is too large.

@@ -4,6 +4,7 @@
 //! share these vertices, so neighbours have no gap between them. Smoothing keeps each vertex within its cell and each
 //! label at its volume. Edges are then collapsed by quadric error (Garland and Heckbert 1997).
 
+mod bucket_queue;
 mod collapse;
 mod complex;
 pub mod contour;
@@ -20,10 +21,10 @@ pub mod winding;
 pub use complex::{Complex, Triangle};
 pub use nets::{Net, Quad};
 pub use part::Part;
+pub use well_composed::make_well_composed;
 
 /// Label of everything outside the grid.
 pub const BORDER: u16 = u16::MAX;
 
 /// Label of voxels without a segment.
 pub const NONE: u16 = 0;
-pub use well_composed::make_well_composed;
