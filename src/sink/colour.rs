@@ -32,7 +32,7 @@ const VIRIDIS: [u32; 256] = [
 ];
 
 /// Fixed colours of built-in tissues: fluids are blue and black, soft tissues red and brown, bone is ivory.
-const TISSUES: [(&str, u32); 48] = [
+const TISSUES: [(&str, u32); 59] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
     ("amniotic_fluid", 0x14386b),
@@ -52,6 +52,17 @@ const TISSUES: [(&str, u32); 48] = [
     ("falx", 0xf5f0ff),
     ("liver", 0x7a4a26),
     ("kidney", 0x8a5a44),
+    ("renal_cortex", 0x96614a),
+    ("renal_sinus", 0xe8d08a),
+    ("pancreas", 0xc99a5b),
+    ("thyroid", 0xa34f4a),
+    ("prostate", 0xb07a6a),
+    ("capsule", 0xd9d2c0),
+    ("pericardium", 0xe6dcc8),
+    ("submucosa", 0xd8b890),
+    ("mucosa", 0xb5555a),
+    ("valve", 0xf3e6d0),
+    ("portal_tract", 0xd7a5c0),
     ("heart", 0xd8343f),
     ("spleen", 0x6b3a5e),
     ("bowel", 0xa98a4f),

@@ -179,13 +179,13 @@ fn anatomy(name: &str, tissue: &str, has_fetus: bool) -> Anatomy {
         "muscle" | "fascia" | "peritoneum" => Anatomy::Muscle,
         "soft_tissue" | "soft_tissue_maternal" => Anatomy::SoftTissue,
         "bone_adult" | "cartilage" => Anatomy::Bones,
-        "blood" | "vessel_wall" => Anatomy::Vessels,
+        "blood" | "vessel_wall" | "portal_tract" => Anatomy::Vessels,
         "uterus_wall" | "cervix" | "cervical_mucosa" | "amnion" | "amniotic_fluid" => Anatomy::Uterus,
         "placenta" | "placental_plate" | "placental_bed" | "cord_jelly" => Anatomy::Placenta,
-        "liver" | "kidney" | "renal_medulla" | "heart" | "spleen" | "brain" | "brain_deep" | "lung_aerated"
-        | "lung_air" | "pleura" | "bowel" | "air" | "urine" | "bile" | "gallbladder_wall" | "gallstone" | "csf" => {
-            Anatomy::Organs
-        }
+        "liver" | "kidney" | "renal_cortex" | "renal_medulla" | "renal_sinus" | "pancreas" | "thyroid" | "prostate"
+        | "capsule" | "heart" | "pericardium" | "valve" | "spleen" | "brain" | "brain_deep" | "lung_aerated"
+        | "lung_air" | "pleura" | "bowel" | "submucosa" | "mucosa" | "air" | "urine" | "bile" | "gallbladder_wall"
+        | "gallstone" | "csf" => Anatomy::Organs,
         _ => Anatomy::Other,
     }
 }

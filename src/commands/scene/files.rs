@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use clap::builder::PossibleValuesParser;
 use glam::DVec3;
 use insonify::anatomy::doctor::{Defect, Severity};
 use insonify::anatomy::export::{LabelledSurface, SceneExtras, write_scene_glb};
@@ -12,8 +13,11 @@ use insonify::files::Outputs;
 use insonify::names::{counted, printable};
 use insonify::pose::csv::Named;
 use insonify::report::segmentation as page;
+use insonify::segmentation::details;
 use insonify::segmentation::from_labels::{Facts, Made};
+use insonify::segmentation::gain::{Gain, Layer};
 use insonify::segmentation::grid::CutPlane;
+use insonify::segmentation::part_kinds::PART_KINDS;
 use insonify::segmentation::skin_points;
 use insonify::segmentation::start::Start;
 use insonify::segmentation::station_text::station_text;
@@ -30,6 +34,9 @@ use super::pictures;
 const SLIDE_S: f64 = 20.0;
 const SLIDE_MM: f64 = 60.0;
 
+/// Word for all parts in `--without`.
+const ALL: &str = "all";
+
 /// Options of all scenes of patients.
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
@@ -44,6 +51,11 @@ pub(super) struct OutputArgs {
     /// Segment that the station's first view shows [default: that of the best acoustic window, else the largest]
     #[arg(long, value_name = "NAME")]
     pub(super) look_at: Option<String>,
+
+    /// Leave out assumed parts that no label shows: capsule, gut_layers, pericardium, pleura, diaphragm, valves, kidney
+    /// (pyramids and sinus), liver_vessels, or all
+    #[arg(long, value_name = "PART", value_delimiter = ',', value_parser = part())]
+    pub(super) without: Vec<String>,
 
     /// Recording (.mcap) to write, of a probe that slides across the first view
     #[arg(long, value_name = "FILE")]
@@ -75,7 +87,18 @@ pub(super) struct Source {
     pub(super) remarks: Vec<String>,
 }
 
+/// Accepts the names of parts that can be left out.
+fn part() -> PossibleValuesParser {
+    PossibleValuesParser::new(PART_KINDS.iter().map(|part| part.name).chain([ALL]))
+}
+
 impl OutputArgs {
+    /// Names of the parts that are left out.
+    pub(super) fn left_out(&self) -> Vec<String> {
+        let is_out = |name: &str| self.without.iter().any(|without| without == name || without == ALL);
+        PART_KINDS.iter().filter(|part| is_out(part.name)).map(|part| part.name.to_owned()).collect()
+    }
+
     fn station_file(&self) -> PathBuf {
         self.out.with_extension("toml")
     }
@@ -128,6 +151,8 @@ impl OutputArgs {
             made.name = printable(&made.name).into_owned();
             made.segment = made.segment.take().map(|segment| printable(&segment).into_owned());
         }
+        remarks.extend(details::add(&mut surfaces, &self.left_out()));
+        progress.set(97, 100);
         let start = Start::of(&surfaces, cuts, &tissues, self.look_at.as_deref()).input()?;
         let slide = match &self.probe_path {
             Some(_) => {
@@ -141,6 +166,11 @@ impl OutputArgs {
         // Meshes of several pieces are remarked on when they are read.
         remarks.extend(facts.as_ref().map(|_| remarks_of_twins(&surfaces)).unwrap_or_default());
         let rows: Vec<Row> = surfaces.iter().map(Row::from).collect();
+        let tissue = |made: &Made| tissues.tissues().get(tissues.index_of(&made.tissue)?);
+        let layers: Vec<Layer> =
+            surfaces.iter().filter_map(|made| Some((&made.mesh, made.priority, tissue(made)?))).collect();
+        let pose = start.view.pose.unwrap_or_default();
+        let gain = Gain::of(&layers, &start.probe, &pose);
         let labelled: Vec<LabelledSurface> = surfaces.into_iter().map(labelled).collect();
         for path in [Some(&self.out), self.probe_path.as_ref(), self.report.as_ref()].into_iter().flatten() {
             output::make_parent(path)?;
@@ -153,8 +183,7 @@ impl OutputArgs {
         files.push(self.station_file());
         let scene_name = self.out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let what = format!("A patient's scene, made from {}: first view of {}.", path.display(), start.target);
-        let pose = start.view.pose.unwrap_or_default();
-        write_text(&self.station_file(), &station_text(&scene_name, &what, &start.probe, &pose))?;
+        write_text(&self.station_file(), &station_text(&scene_name, &what, &start.probe, &pose, &gain))?;
         write_text(&self.points_file(), &points_text(&start.points))?;
         files.push(self.points_file());
         let planes_file = planes::planes_path(&self.out);

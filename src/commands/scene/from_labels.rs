@@ -83,7 +83,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Options::default().fat_mm, value_parser = fat, allow_negative_numbers = true)]
     fat_mm: f64,
 
-    /// Approximate number of triangles, 10000..=5000000
+    /// Approximate number of triangles, without assumed parts of organs, 10000..=5000000
     #[arg(long, value_name = "N", default_value_t = Options::default().triangles, value_parser = triangles)]
     triangles: usize,
 
@@ -131,14 +131,16 @@ fn triangles(text: &str) -> Result<usize, String> {
 /// Name table used without `--names`.
 const DEFAULT_NAMES: &str = "total-v2";
 
-/// Loads the built-in table or the table file called `names`, and adds the user's mappings.
-fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
+/// Loads the built-in table or the table file called `names`, adds the user's mappings, and leaves out the layers of walls
+/// that are called as one of `without`.
+fn table(names: Option<&str>, maps: &[String], without: &[String]) -> Result<NameTable, Failure> {
     let called = names.unwrap_or(DEFAULT_NAMES);
     let is_file = called.ends_with(".toml");
     let mut table = if is_file { ClassTable::load(Path::new(called)) } else { ClassTable::builtin(called) }.input()?;
     for map in maps {
         table.add(map).map_err(|e| Failure::Input(anyhow!("--map: {e}")))?;
     }
+    table.leave_out(without);
     Ok(NameTable { table, called: called.to_owned(), is_chosen: names.is_some() })
 }
 
@@ -182,7 +184,7 @@ fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progres
         let stems = stems(args);
         let has_numbers = !args.labels.is_dir();
         let of = Mappable { path: &args.labels, labels: &labels, stems: &stems, has_numbers };
-        check_mappings(&args.maps, &table(args.names.as_deref(), &[])?.table, &of).input()?;
+        check_mappings(&args.maps, &table(args.names.as_deref(), &[], &[])?.table, &of).input()?;
     }
     let found = plausibility(&labels, &measures, names, &from);
     if !args.allow_implausible {
@@ -200,7 +202,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         .map(PathBuf::as_path)
         .collect();
     args.output.check(&inputs)?;
-    let names = table(args.names.as_deref(), &args.maps)?;
+    let names = table(args.names.as_deref(), &args.maps, &args.output.left_out())?;
     let options = ReadOptions { assume_axes: args.assume_axes, prefer: args.prefer };
     let progress = Progress::new("scene", 100);
     progress.set(0, 100);

@@ -109,7 +109,8 @@ impl Read {
 
 /// Reads the meshes of all files and their meanings, and the unit and axes that the files state.
 fn read(args: &Args) -> Result<Read, Failure> {
-    let table = ClassTable::builtin("total-v2").input()?;
+    let mut table = ClassTable::builtin("total-v2").input()?;
+    table.leave_out(&args.output.left_out());
     let mut all = Read::default();
     let parse = |word: &String| Assignment::parse(word, |path| path.is_file());
     let assignments = args.meshes.iter().map(parse).collect::<Result<Vec<_>, _>>().input()?;

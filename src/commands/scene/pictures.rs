@@ -9,6 +9,7 @@ use insonify::report::scene_view::{
     BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
 };
 use insonify::report::segmentation::Plate;
+use insonify::segmentation::gain::{Gain, Layer};
 use insonify::segmentation::probe_choice::ProbeChoice;
 use insonify::segmentation::start::Start;
 use insonify::segmentation::station_text::station_text;
@@ -19,7 +20,7 @@ use super::super::backend::BackendArgs;
 use super::super::{Classify, Failure};
 
 /// Largest number of B-mode views.
-const VIEWS_MAX: usize = 4;
+const VIEWS_MAX: usize = 15;
 /// Names of surfaces that hide the organs.
 const OUTER: [&str; 3] = ["skin", "fat", "soft_tissue"];
 const SIZE: [u32; 2] = [900, 700];
@@ -35,8 +36,13 @@ pub(super) struct Pictures {
 pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
     let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = file.parent().unwrap_or(Path::new("."));
-    let station_of =
-        |probe: &ProbeChoice, pose: &Pose| Station::parse(&station_text(&scene_name, "a view", probe, pose), directory);
+    let tissues = scene.tissues.tissues();
+    let layers: Vec<Layer> =
+        scene.surfaces.iter().filter_map(|s| Some((&s.mesh, s.priority, tissues.get(s.tissue)?))).collect();
+    let station_of = |probe: &ProbeChoice, pose: &Pose| {
+        let gain = Gain::of(&layers, probe, pose);
+        Station::parse(&station_text(&scene_name, "a view", probe, pose, &gain), directory)
+    };
     let first_pose = start.view.pose.unwrap_or_default();
     let first = station_of(&start.probe, &first_pose)?;
     let backend = backend.open(first.backend)?;
@@ -46,8 +52,9 @@ pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArg
         for view in plane.views.iter().filter(|view| view.pose != start.view.pose) {
             let Some(pose) = view.pose else { continue };
             let outline = view.outlines.first();
-            let mesh = scene.surfaces.iter().find(|s| Some(&s.name) == outline).map(|s| &s.mesh);
-            views.push((plane.title.clone(), pose, mesh.map_or(start.probe, |m| ProbeChoice::for_target(&pose, m))));
+            let organ = scene.surfaces.iter().find(|s| Some(&s.name) == outline);
+            let probe = organ.map_or(start.probe, |organ| ProbeChoice::for_organ(&pose, &organ.name, &organ.mesh));
+            views.push((plane.title.clone(), pose, probe));
         }
     }
     let mut bmode = Vec::new();

@@ -186,14 +186,14 @@ fn exams_find_the_windows_of_a_patient() {
     let labels = written(folder.path(), "labels.nii", &abdomen().nifti());
     succeeded(&from_labels(&labels, &folder.path().join("p.glb"), &["--triangles", "60000"]));
     let listed = succeeded(&insonify(&["planes", &at("p.toml")]));
-    for plane in ["liver", "right_kidney", "left_kidney", "aorta", "bladder", "RKL", "LKL"] {
+    for plane in ["liver", "morison", "right_kidney_across", "left_kidney", "aorta_across", "bladder", "RKL", "LKL"] {
         assert!(listed.contains(plane), "{plane}: {listed}");
     }
     succeeded(&insonify(&["exam", &at("p.toml"), "--seed", "3", "--out", &at("exam.mcap")]));
     let score = succeeded(&insonify(&["score", &at("exam.mcap"), &at("p.toml"), "--json"]));
     let score: serde_json::Value = serde_json::from_str(&score).unwrap();
     let found = score["planes"].as_array().unwrap().iter().filter(|p| p["found"] == true).count();
-    assert_eq!(found, 5, "{score:#}");
+    assert_eq!(found, 8, "{score:#}");
 }
 
 #[test]
@@ -216,4 +216,23 @@ fn small_organs_and_names_left_out_make_scenes() {
     let blocked = folder.path().join("stump.nii/page.html").display().to_string();
     let failed = from_labels(&labels, &out, &["--report", &blocked, "--force"]);
     assert!(!failed.status.success() && !out.exists());
+}
+
+#[test]
+fn parts_that_no_label_shows_are_said_and_left_out_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let labels = written(folder.path(), "labels.nii", &abdomen().nifti());
+    let made = |without: &[&str]| {
+        let more = [&["--triangles", "40000", "--force"], without].concat();
+        succeeded(&from_labels(&labels, &folder.path().join("p.glb"), &more))
+    };
+    let with = made(&[]);
+    assert!(with.contains("kidney_right_sinus") && with.contains("liver_parenchyma"), "{with}");
+    assert!(with.contains("assumed, as no label shows it: capsule, kidney"), "{with}");
+    let some = made(&["--without", "kidney"]);
+    assert!(!some.contains("kidney_right_sinus") && some.contains("liver_parenchyma"), "{some}");
+    let none = made(&["--without", "all"]);
+    assert!(!none.contains("assumed, as") && !none.contains("parenchyma") && !none.contains("sinus"), "{none}");
+    let wrong = from_labels(&labels, &folder.path().join("p.glb"), &["--without", "kidny", "--force"]);
+    refused(&wrong, &["kidny", "kidney"]);
 }

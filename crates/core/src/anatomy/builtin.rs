@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Tissue, TissueError, TissueTable};
 
-/// Text of `assets/tissues.toml`.
-const TISSUES: &str = include_str!("../../assets/tissues.toml");
+/// Texts of the files of tissues.
+const TISSUES: [&str; 2] = [include_str!("../../assets/tissues.toml"), include_str!("../../assets/tissues_adult.toml")];
 
 /// A value of a tissue with its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -138,7 +138,13 @@ impl SourcedTissue {
 /// # Errors
 /// An invalid built-in table, which is a fault of the program.
 pub fn sourced_tissues() -> Result<BTreeMap<String, SourcedTissue>, TissueError> {
-    toml::from_str(TISSUES).map_err(|e| TissueError::Table { reason: e.to_string() })
+    let files = TISSUES.iter().map(|text| tissues_of(text)).collect::<Result<Vec<_>, _>>()?;
+    Ok(files.into_iter().flatten().collect())
+}
+
+/// Tissues of a file's text by name.
+fn tissues_of(text: &str) -> Result<BTreeMap<String, SourcedTissue>, TissueError> {
+    toml::from_str(text).map_err(|e| TissueError::Table { reason: e.to_string() })
 }
 
 impl TissueTable {
@@ -166,6 +172,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn no_file_repeats_a_tissue_of_another() {
+        let count: usize = TISSUES.iter().map(|text| tissues_of(text).unwrap().len()).sum();
+        assert_eq!(TissueTable::builtin().unwrap().names().len(), count);
+        assert_eq!(sourced_tissues().unwrap().len(), count);
+        let last: Vec<String> = tissues_of(TISSUES[1]).unwrap().into_keys().collect();
+        assert_eq!(last, super::super::tissue::LAST);
+        assert_eq!(TissueTable::builtin().unwrap().names()[count - last.len()..], last);
     }
 
     #[test]

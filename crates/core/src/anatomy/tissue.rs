@@ -106,8 +106,29 @@ pub enum TissueError {
     },
 }
 
-/// Tissues in alphabetical order of their names. A tissue's number in segmentation maps is its index + 1; 0 is
-/// "outside".
+/// Tissues of `assets/tissues_adult.toml`. They are numbered after all others: a tissue's number seeds its speckle, so
+/// frames of scenes without these tissues don't depend on them.
+pub(super) const LAST: [&str; 11] = [
+    "capsule",
+    "mucosa",
+    "pancreas",
+    "pericardium",
+    "portal_tract",
+    "prostate",
+    "renal_cortex",
+    "renal_sinus",
+    "submucosa",
+    "thyroid",
+    "valve",
+];
+
+/// Key by which tissues are ordered.
+fn order(name: &str) -> (bool, &str) {
+    (LAST.contains(&name), name)
+}
+
+/// Tissues in alphabetical order of their names, with those of adults' organs after all others. A tissue's number in
+/// segmentation maps is its index + 1; 0 is "outside".
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TissueTable {
     names: Vec<String>,
@@ -127,13 +148,14 @@ impl TissueTable {
         for (name, tissue) in &sorted {
             check(name, tissue)?;
         }
-        let (names, tissues) = sorted.into_iter().unzip();
+        let (last, first): (Vec<_>, Vec<_>) = sorted.into_iter().partition(|(name, _)| LAST.contains(&name.as_str()));
+        let (names, tissues) = first.into_iter().chain(last).unzip();
         Ok(Self { names, tissues })
     }
 
     /// Index of the tissue called `name`; `None` if the table lacks it.
     pub fn index_of(&self, name: &str) -> Option<usize> {
-        self.names.binary_search_by(|n| n.as_str().cmp(name)).ok()
+        self.names.binary_search_by(|n| order(n).cmp(&order(name))).ok()
     }
 
     /// Names of the tissues, by index.

@@ -142,8 +142,13 @@ mod tests {
     }
 
     fn found(is_body: impl Fn([usize; 3]) -> bool, is_allowed: bool) -> Result<Option<String>, String> {
-        let organ =
-            |name: &str| Organ { name: name.to_owned(), tissue: name.to_owned(), priority: 50, wall: None, gas: None };
+        let organ = |name: &str| Organ {
+            name: name.to_owned(),
+            tissue: name.to_owned(),
+            priority: 50,
+            wall: Vec::new(),
+            gas: None,
+        };
         let (grid, labels, organs) = (grid(), labels(), [organ("liver"), organ("spleen")]);
         let map = LabelMap {
             path: "a/body.nii".into(),

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::body::{self, Gas, OutlineSource, distances_mm, gas_of, without_fragments};
+use super::classes::Wall;
 use super::grid::{CutPlane, Grid};
 pub use super::inputs::{Inputs, Organ};
 use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
@@ -90,6 +91,12 @@ pub struct Facts {
 /// 0..=1.
 pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
     progress("cleaning the labels", 0.0);
+    if inputs.organs.iter().any(|organ| organ.name.starts_with("heart_ventricle")) {
+        // What the chambers leave of a label of the whole heart is their walls.
+        for heart in inputs.organs.iter_mut().filter(|organ| organ.name == "heart") {
+            (heart.tissue, heart.wall) = ("heart".to_owned(), Vec::new());
+        }
+    }
     inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
     let fragments = without_fragments(&mut inputs.labels, inputs.grid.size, FRAGMENT_VOXELS);
     let counts = count(&inputs.labels);
@@ -199,10 +206,43 @@ fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     Some(fat)
 }
 
-/// Priority of the outer surface of an organ, by the number of organs below it. Organs are 3 apart, which leaves room for
-/// the surfaces within them.
+/// Distance of the priorities of organs, which leaves room for the surfaces within them.
+const ROOM: i32 = 10;
+/// Priorities above that of an organ's outer surface: of its gas, and of parts that no label shows.
+const GAS: i32 = 6;
+pub(super) const PARTS: i32 = 7;
+
+/// Priority of the outer surface of an organ, by the number of organs below it.
 pub(super) fn nth_priority(below: usize) -> i32 {
-    100 + 3 * below as i32
+    100 + ROOM * below as i32
+}
+
+/// Names of the surfaces of an organ's wall and of what it holds, from outside to inside, with the depth of each below
+/// the organ's surface, mm, and its tissue. The first is the organ's own surface.
+///
+/// A hollow organ's name is that of its lumen, within `..._wall`. An organ in a capsule keeps its name outside, around
+/// `..._parenchyma`.
+pub(super) fn shells<'a>(name: &str, tissue: &'a str, wall: &'a [Wall]) -> Vec<(String, f64, &'a str)> {
+    if let [capsule] = wall
+        && capsule.part.is_some()
+    {
+        let parenchyma = (format!("{name}_parenchyma"), capsule.mm, tissue);
+        return vec![(name.to_owned(), 0.0, capsule.tissue.as_str()), parenchyma];
+    }
+    let mut depth_mm = 0.0;
+    let mut shells = Vec::new();
+    for (number, layer) in wall.iter().enumerate() {
+        let is_wall = |layer: &Wall| layer.part.is_none();
+        let layer_name = match wall[..number].iter().filter(|layer| is_wall(layer)).count() {
+            _ if !is_wall(layer) => layer.tissue.clone(),
+            0 => "wall".to_owned(),
+            before => format!("wall_{}", before + 1),
+        };
+        shells.push((format!("{name}_{layer_name}"), depth_mm, layer.tissue.as_str()));
+        depth_mm += layer.mm;
+    }
+    shells.push((name.to_owned(), depth_mm, tissue));
+    shells
 }
 
 /// Priority of a label's outer surface.
@@ -297,7 +337,7 @@ impl Builder<'_> {
         let mut complex = self.complex(&inputs.labels);
         // A triangle belongs to the surfaces of the two labels that it separates. A label with a wall also has a copy
         // of the triangle on the wall's inner side.
-        let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + usize::from(o.wall.is_some()));
+        let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + o.wall.len());
         let all: usize = complex.triangles.iter().flat_map(|t| &t.sides).map(copies).sum();
         let budget = (1.0 - 2.0 * BODY_SHARE - FAT_SHARE) * options.triangles as f64;
         let share = (budget / all.max(1) as f64).min(1.0);
@@ -308,21 +348,35 @@ impl Builder<'_> {
         let step_mm = self.grid.voxel_mm().min_element();
         // A thick wall's inner side is meshed from voxels; a thin wall's inner side is its outer surface moved inward.
         let is_thick = |mm: f64| mm >= THICK_VOXELS * step_mm;
-        let mut lumens = self.inner_parts(inputs, share, |label, organ| match &organ.wall {
-            Some((_, mm)) if is_thick(*mm) => gas_of(&inputs.labels, self.grid, label, *mm, Gas::Share(1.0)),
-            _ => Vec::new(),
-        });
+        let shells_of = |organ: &'_ Organ| -> Vec<f64> {
+            shells(&organ.name, &organ.tissue, &organ.wall).into_iter().map(|(_, depth_mm, _)| depth_mm).collect()
+        };
+        let most = inputs.organs.iter().map(|organ| organ.wall.len()).max().unwrap_or(0);
+        // Meshes from voxels, by the number of the layers outside of them and by label.
+        let mut thick: Vec<BTreeMap<u16, Part>> = (0..=most)
+            .map(|outside| {
+                self.inner_parts(inputs, share, |label, organ| match shells_of(organ).get(outside) {
+                    Some(&mm) if is_thick(mm) => gas_of(&inputs.labels, self.grid, label, mm, Gas::Share(1.0)),
+                    _ => Vec::new(),
+                })
+            })
+            .collect();
         for (label, part) in complex.parts() {
             let Some(organ) = organ_of(label) else { continue };
             let from = Some((organ.name.as_str(), counts.get(&label).copied()));
             let priority = priority_of(&inputs.organs, label);
-            match &organ.wall {
-                Some((tissue, mm)) => {
-                    self.add(&format!("{}_wall", organ.name), tissue, priority, &part, from);
-                    let inner = lumens.remove(&label).unwrap_or_else(|| part.inward(*mm));
-                    self.add(&organ.name, &organ.tissue, priority + 1, &inner, Some((&organ.name, None)));
+            let shells = shells(&organ.name, &organ.tissue, &organ.wall);
+            for ((number, (name, depth_mm, tissue)), thick) in (0..).zip(shells).zip(&mut thick) {
+                match thick.remove(&label) {
+                    _ if number == 0 => self.add(&name, tissue, priority, &part, from),
+                    Some(inner) => self.add(&name, tissue, priority + number, &inner, Some((&organ.name, None))),
+                    None => {
+                        let is_capsule = organ.wall.iter().all(|layer| layer.part.is_some());
+                        // Nothing within the organ has the organ's capsule.
+                        let inner = if is_capsule { part.outside_inward(depth_mm) } else { part.inward(depth_mm) };
+                        self.add(&name, tissue, priority + number, &inner, Some((&organ.name, None)));
+                    }
                 }
-                None => self.add(&organ.name, &organ.tissue, priority, &part, from),
             }
         }
         self.gas(inputs, share);
@@ -359,7 +413,7 @@ impl Builder<'_> {
         let parts = self.inner_parts(inputs, share, |label, organ| {
             let Some((_, share)) = &organ.gas else { return Vec::new() };
             let gas = ct.map_or(Gas::Share(*share), Gas::Seen);
-            let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
+            let wall_mm = organ.wall_mm();
             // The gas begins half a voxel below the wall: the wall's inner side is smoother than the gas.
             let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
             gas_of(&inputs.labels, self.grid, label, within_mm, gas)
@@ -368,7 +422,7 @@ impl Builder<'_> {
             let Some(organ) = inputs.organs.get(usize::from(label).wrapping_sub(1)) else { continue };
             if let Some((tissue, _)) = &organ.gas {
                 let from = Some((organ.name.as_str(), None));
-                self.add(&format!("{}_gas", organ.name), tissue, priority_of(&inputs.organs, label) + 2, &part, from);
+                self.add(&format!("{}_gas", organ.name), tissue, priority_of(&inputs.organs, label) + GAS, &part, from);
             }
         }
     }

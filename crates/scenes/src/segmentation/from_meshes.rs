@@ -3,7 +3,7 @@
 use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::classes::{Class, Role};
-use super::from_labels::{Inputs, Made, Options, make, nth_priority};
+use super::from_labels::{Inputs, Made, Options, make, nth_priority, shells};
 use super::grid::Grid;
 use super::meshing::Part;
 use super::shape::pieces_ml;
@@ -64,16 +64,16 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
         let tissue = class.tissue.clone().unwrap_or_default();
         let outer = part(&mesh);
         let (segment, volume) = (Some(name.as_str()), Some(outer.volume_mm3()));
-        match &class.wall {
-            Some(wall) => {
-                made.push(of_part(&format!("{name}_wall"), &wall.tissue, priority, &outer, segment, volume));
-                let inner = outer.inward(wall.mm);
-                if inner.triangles.is_empty() {
-                    remarks.push(format!("`{name}` has no lumen: it is thinner than its walls of {} mm", wall.mm));
-                }
-                made.push(of_part(&name, &tissue, priority + 1, &inner, segment, None));
+        for (layer, (shell, depth_mm, tissue)) in (0..).zip(shells(&name, &tissue, &class.wall)) {
+            if depth_mm == 0.0 {
+                made.push(of_part(&shell, tissue, priority, &outer, segment, volume));
+                continue;
             }
-            None => made.push(of_part(&name, &tissue, priority, &outer, segment, volume)),
+            let inner = outer.inward(depth_mm);
+            if inner.triangles.is_empty() {
+                remarks.push(format!("`{shell}` is empty: the organ is thinner than its walls of {depth_mm} mm"));
+            }
+            made.push(of_part(&shell, tissue, priority + layer, &inner, segment, None));
         }
     }
     made.retain(|made| !made.mesh.triangles.is_empty());

@@ -140,7 +140,7 @@ fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
             name,
             tissue: m.class.tissue.clone().unwrap_or_default(),
             priority: m.class.priority.unwrap_or(50),
-            wall: m.class.wall.as_ref().map(|w| (w.tissue.clone(), w.mm)),
+            wall: m.class.wall.clone(),
             gas: m.class.gas.as_ref().map(|g| (g.tissue.clone(), g.share)),
         }
     };

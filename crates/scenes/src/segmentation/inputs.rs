@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::body::hull_margin_mm;
+use super::classes::Wall;
 use super::grid::Grid;
 use super::meshing::NONE;
 use super::volume::OUTSIDE;
@@ -17,8 +18,8 @@ pub struct Organ {
     pub tissue: String,
     /// Priority among organs: where segments overlap, the highest priority wins.
     pub priority: i32,
-    /// Tissue and thickness (mm) of the organ's wall, which lies just within its surface.
-    pub wall: Option<(String, f64)>,
+    /// Layers of the organ's wall, the outermost first. The wall lies just within the organ's surface.
+    pub wall: Vec<Wall>,
     /// Gas in the organ's lumen: its tissue, and the fraction of the lumen it fills, 0..=1.
     pub gas: Option<(String, f64)>,
 }
@@ -50,6 +51,13 @@ const WORKING_BYTES: u64 = 28;
 /// Lowest value of an image.
 pub(super) fn least(image: &[f32]) -> f32 {
     image.par_iter().copied().reduce(|| f32::INFINITY, f32::min)
+}
+
+impl Organ {
+    /// Thickness of the wall, mm; 0 without a wall.
+    pub(super) fn wall_mm(&self) -> f64 {
+        self.wall.iter().map(|layer| layer.mm).sum()
+    }
 }
 
 impl Inputs {

@@ -8,17 +8,14 @@ use insonify_core::suggest::did_you_mean;
 use thiserror::Error;
 
 use super::from_labels::Made;
+use super::gain::PASSED_MRAYL;
 use super::grid::CutPlane;
-use super::probe_choice::ProbeChoice;
+use super::probe_choice::{ProbeChoice, ProbeKind};
 use super::skin_points::skin_points;
 use super::windows::{BELOW_MM, Sight, WindowRow, look_at, windows};
 
-/// Acoustic impedances of tissues that ultrasound passes, MRayl: above gas, below bone.
-const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
-
-/// Name of the window onto a lung, and the image's depth below its pleura, mm.
+/// Name of the window onto a lung.
 const LUNG: &str = "lung";
-const LUNG_BELOW_MM: f64 = 60.0;
 
 /// Error if no probe position can be found.
 #[derive(Debug, Error)]
@@ -103,14 +100,10 @@ impl Start {
         let pose = view.pose.ok_or_else(|| no_skin(&target))?;
         let empty = Mesh::default();
         let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);
-        let of_lung = rows.iter().find(|row| row.name == LUNG && target.starts_with("lung"));
-        let mut probe = match of_lung {
-            Some(row) => ProbeChoice::of_depth(row.depth_mm + LUNG_BELOW_MM),
-            None => ProbeChoice::for_target(&pose, mesh),
-        };
-        if probe.is_convex {
+        let mut probe = ProbeChoice::for_organ(&pose, &target, mesh);
+        if probe.kind == ProbeKind::Convex {
             let deepest_mm = rows.iter().map(|row| row.depth_mm).fold(0.0, f64::max);
-            probe = ProbeChoice::of_depth(probe.depth_mm.max(deepest_mm + BELOW_MM));
+            probe = ProbeChoice::of_depth(Some(probe.kind), probe.depth_mm.max(deepest_mm + BELOW_MM));
         }
         let points = skin_points(surfaces, &sight);
         Ok(Self { planes, windows: rows, target, view, probe, points })

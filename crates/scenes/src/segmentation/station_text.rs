@@ -5,28 +5,31 @@ use std::fmt::Write as _;
 use insonify_core::names::one_line;
 use insonify_core::pose::Pose;
 
-use super::probe_choice::{CONVEX, LINEAR_WIDTH_MM, ProbeChoice};
+use super::gain::Gain;
+use super::probe_choice::{CONVEX, LINEAR_WIDTH_MM, PHASED_FOV_DEG, ProbeChoice, ProbeKind};
 
 /// Text of a station file for `scene`, a path relative to the station file. `what` names the content of the view, for a
 /// comment in the file.
-pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -> String {
-    let ProbeChoice { is_convex, frequency_mhz, depth_mm, focus_mm } = *probe;
+pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose, gain: &Gain) -> String {
+    let ProbeChoice { kind, frequency_mhz, depth_mm, focus_mm } = *probe;
     let mut out = String::new();
     let (radius_mm, fov_deg) = CONVEX;
-    let kind = if is_convex {
-        format!(
+    let kind = match kind {
+        ProbeKind::Convex => format!(
             "kind = \"convex\"              # scanlines start on an arc\n\
              radius_mm = {radius_mm:?}             # radius of curvature of the face\n\
              fov_deg = {fov_deg:?}               # angle of the sector\n"
-        )
-    } else {
-        format!(
+        ),
+        ProbeKind::Linear => format!(
             "kind = \"linear\"              # parallel scanlines\n\
              width_mm = {LINEAR_WIDTH_MM:?}              # width of the face\n"
-        )
+        ),
+        ProbeKind::Phased => format!(
+            "kind = \"phased\"              # scanlines start at one point\n\
+             fov_deg = {PHASED_FOV_DEG:?}               # angle of the sector\n"
+        ),
     };
-    // Two-way loss of soft tissue and muscle at the probe's frequency, dB/cm.
-    let tgc = (10.0 * 1.3 * frequency_mhz).round() / 10.0;
+    let Gain { gain_db, tgc_db_per_cm } = *gain;
     let p = pose.position_mm;
     let q = pose.orientation;
     let scene = toml::Value::String(scene.to_owned());
@@ -43,8 +46,8 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -
          focus_mm = {focus_mm:?}             # depth of the transmit focus\n\
          elevational_focus_mm = {focus_mm:?} # focal depth of the elevational lens\n\n\
          [image]\nwidth = 1000                 # pixels\nheight = 800                 # pixels\n\
-         gain_db = 12.0               # overall gain\n\
-         tgc_db_per_cm = {tgc:?}          # loss of soft tissue, two ways\n\n\
+         gain_db = {gain_db:?}               # overall gain\n\
+         tgc_db_per_cm = {tgc_db_per_cm:?}          # mean loss along this view, two ways\n\n\
          [pose]\nposition_mm = [{:.3}, {:.3}, {:.3}]\nquaternion = [{:.9}, {:.9}, {:.9}, {:.9}]\n",
         p.x, p.y, p.z, q.w, q.x, q.y, q.z
     );
@@ -61,17 +64,28 @@ mod tests {
     #[test]
     fn deep_organs_get_a_convex_probe_of_low_frequency_and_shallow_ones_a_linear_one() {
         let pose = Pose::looking(DVec3::new(0.0, -100.0, 0.0), DVec3::Y, DVec3::X);
-        let choice = |y: f32, radius: f32| ProbeChoice::for_target(&pose, &sphere(Vec3::new(0.0, y, 0.0), radius, 4));
-        let deep = choice(0.0, 50.0);
-        assert!(deep.is_convex && deep.frequency_mhz == 3.5 && (deep.depth_mm - 170.0).abs() < 1e-9, "{deep:?}");
-        let shallow = choice(-85.0, 10.0);
-        assert!(!shallow.is_convex && shallow.frequency_mhz == 9.0 && shallow.depth_mm == 40.0, "{shallow:?}");
-        let text = station_text("a \"b\".glb", "liver", &deep, &pose);
+        let choice = |name: &str, y: f32, radius: f32| {
+            ProbeChoice::for_organ(&pose, name, &sphere(Vec3::new(0.0, y, 0.0), radius, 4))
+        };
+        let deep = choice("liver", 0.0, 50.0);
+        assert!(
+            deep.kind == ProbeKind::Convex && deep.frequency_mhz == 3.5 && (deep.depth_mm - 170.0).abs() < 1e-9,
+            "{deep:?}"
+        );
+        let shallow = choice("thyroid_gland", -85.0, 10.0);
+        let is_linear = shallow.kind == ProbeKind::Linear;
+        assert!(is_linear && shallow.frequency_mhz == 9.0 && shallow.depth_mm == 40.0, "{shallow:?}");
+        assert_eq!(choice("heart_ventricle_left", -50.0, 30.0).kind, ProbeKind::Phased);
+        // The image ends 60 mm below a lung's pleura, which is 50 mm deep.
+        assert_eq!(choice("lung_upper_lobe_left", 0.0, 50.0).depth_mm, 110.0);
+        let gain = Gain { gain_db: 15.0, tgc_db_per_cm: 3.2 };
+        let text = station_text("a \"b\".glb", "liver", &deep, &pose, &gain);
         let table: toml::Table = text.parse().unwrap();
         assert_eq!(table["scene"]["path"].as_str(), Some("a \"b\".glb"));
         assert_eq!(table["probe"]["depth_mm"].as_float(), Some(170.0));
+        assert_eq!(table["image"]["tgc_db_per_cm"].as_float(), Some(3.2));
         // Names of files and organs may have any characters.
-        let text = station_text("a\n[b].glb", "li\nver = 3\r\u{1b}[31m\0\u{7f}\u{2028}", &deep, &pose);
+        let text = station_text("a\n[b].glb", "li\nver = 3\r\u{1b}[31m\0\u{7f}\u{2028}", &deep, &pose, &gain);
         let table: toml::Table = text.parse().unwrap();
         assert_eq!(table["scene"]["path"].as_str(), Some("a\n[b].glb"));
         assert!(text.starts_with("# li ver = 3 [31m") && !table.contains_key("ver"), "{text}");

@@ -1,8 +1,14 @@
 //! Classes of a table: anatomical meaning and tissue of a label.
 
-use serde::Deserialize;
+use std::fmt;
+
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use insonify_core::names::{is_printable, printable};
+
+use crate::segmentation::part_kinds::PART_KINDS;
 
 /// Use of a label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
@@ -21,14 +27,42 @@ pub enum Role {
     Ignore,
 }
 
-/// A shell inside an organ's surface.
+/// Layer of the shell inside an organ's surface.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
-    /// Tissue of the shell.
+    /// Tissue of the layer.
     pub tissue: String,
     /// Thickness, mm.
     pub mm: f64,
+    /// Name of a layer that no label shows, such as a capsule. Named layers can be left out.
+    pub part: Option<String>,
+}
+
+/// Most layers of a wall: their priorities lie between those of the organ and of its gas.
+const LAYERS_MAX: usize = 5;
+
+/// Reads the layers of a wall: one layer as a table of keys, or a list of layers.
+struct Layers;
+
+impl<'de> Visitor<'de> for Layers {
+    type Value = Vec<Wall>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a layer, as { tissue = \"muscle\", mm = 2.0 }, or a list of layers")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, keys: A) -> Result<Vec<Wall>, A::Error> {
+        Wall::deserialize(MapAccessDeserializer::new(keys)).map(|wall| vec![wall])
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, layers: A) -> Result<Vec<Wall>, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(layers))
+    }
+}
+
+fn layers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Wall>, D::Error> {
+    deserializer.deserialize_any(Layers)
 }
 
 /// Gas in the upper part of a lumen.
@@ -59,8 +93,9 @@ pub struct Class {
     /// Other names of the class.
     #[serde(default)]
     pub aliases: Vec<String>,
-    /// Shell just inside the surface.
-    pub wall: Option<Wall>,
+    /// Layers of the shell just inside the surface, the outermost first.
+    #[serde(default, deserialize_with = "layers")]
+    pub wall: Vec<Wall>,
     /// Gas in the lumen.
     pub gas: Option<Gas>,
     /// Group to which the class belongs in pictures.
@@ -91,7 +126,7 @@ impl Class {
             priority: Some(50),
             role: Role::Organ,
             aliases: Vec::new(),
-            wall: None,
+            wall: Vec::new(),
             gas: None,
             group: None,
             organ: None,
@@ -104,7 +139,7 @@ impl Class {
         let states_none = self.tissue.is_none()
             && self.priority.is_none()
             && self.role == Role::Organ
-            && self.wall.is_none()
+            && self.wall.is_empty()
             && self.gas.is_none()
             && self.group.is_none()
             && self.aliases.is_empty();
@@ -112,6 +147,20 @@ impl Class {
             Some(known) => Self { value: self.value, ..known.clone() },
             None => self,
         }
+    }
+
+    /// Leaves out the layers of the wall that are called as one of `parts`. Their thickness goes to the layer outside of
+    /// them, or to the organ if there is none.
+    pub(super) fn leave_out(&mut self, parts: &[String]) {
+        let mut kept: Vec<Wall> = Vec::new();
+        for wall in self.wall.drain(..) {
+            if !wall.part.as_ref().is_some_and(|part| parts.contains(part)) {
+                kept.push(wall);
+            } else if let Some(outside) = kept.last_mut() {
+                outside.mm += wall.mm;
+            }
+        }
+        self.wall = kept;
     }
 
     /// Name of the organ that the class stands for: the mapping's organ if the user added the class, else its own name.
@@ -122,7 +171,7 @@ impl Class {
     /// Tissues of the class, its wall and its gas, each with its key in the table's file.
     pub(super) fn tissues(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let own = self.tissue.as_deref().map(|tissue| ("tissue", tissue));
-        let wall = self.wall.as_ref().map(|wall| ("wall.tissue", wall.tissue.as_str()));
+        let wall = self.wall.iter().map(|wall| ("wall.tissue", wall.tissue.as_str()));
         let gas = self.gas.as_ref().map(|gas| ("gas.tissue", gas.tissue.as_str()));
         own.into_iter().chain(wall).chain(gas)
     }
@@ -151,8 +200,21 @@ impl Class {
             }
             _ => {}
         }
-        if let Some(wall) = self.wall.as_ref().filter(|wall| !WALLS_MM.contains(&wall.mm)) {
+        if let Some(wall) = self.wall.iter().find(|wall| !WALLS_MM.contains(&wall.mm)) {
             return Err(format!("`wall.mm` is {}; it must lie in 0.1..=20", wall.mm));
+        }
+        let parts: Vec<&Wall> = self.wall.iter().filter(|layer| layer.part.is_some()).collect();
+        let names = || PART_KINDS.iter().filter(|kind| kind.layer.is_some()).map(|kind| kind.name);
+        if let Some(unknown) = parts.iter().filter_map(|l| l.part.as_deref()).find(|part| !names().any(|n| n == *part))
+        {
+            let known = names().collect::<Vec<_>>().join(", ");
+            return Err(format!("`wall.part` is `{unknown}`; it must be one of {known}"));
+        }
+        if let Some(twice) = (1..parts.len()).find(|&n| parts[..n].iter().any(|l| l.tissue == parts[n].tissue)) {
+            return Err(format!("`wall` has two layers with a `part` of the tissue `{}`", parts[twice].tissue));
+        }
+        if self.wall.len() > LAYERS_MAX {
+            return Err(format!("`wall` has {} layers; at most {LAYERS_MAX} are possible", self.wall.len()));
         }
         if let Some(gas) = self.gas.as_ref().filter(|gas| !(0.0..=1.0).contains(&gas.share)) {
             return Err(format!("`gas.share` is {}; it must lie in 0..=1", gas.share));

@@ -184,7 +184,7 @@ mod tests {
             ("Segment_3", tissue("spleen")),
             ("vessel_wall", tissue("vessel_wall")),
             ("liver", None),
-            ("kidney_left", tissue("kidney")),
+            ("kidney_left", tissue("renal_cortex")),
         ];
         assert_eq!(found, expected);
         assert_eq!(mapped[2].class.role, Role::Ignore);

@@ -186,6 +186,11 @@ impl ClassTable {
         Ok(())
     }
 
+    /// Leaves out the layers of walls that are called as one of `parts`, such as `capsule`.
+    pub fn leave_out(&mut self, parts: &[String]) {
+        self.classes.iter_mut().for_each(|class| class.leave_out(parts));
+    }
+
     fn parse(name: &str, text: &str) -> Result<Self, ClassError> {
         let parsed = toml::from_str::<File>(text);
         let file = parsed.map_err(|error| ClassError::Parse { table: name.to_owned(), error: Box::new(error) })?;

@@ -129,7 +129,7 @@ fn organs() -> Vec<Organ> {
         name: name.to_owned(),
         tissue: tissue.to_owned(),
         priority: 50,
-        wall: None,
+        wall: Vec::new(),
         gas: None,
     };
     named.map(organ).to_vec()

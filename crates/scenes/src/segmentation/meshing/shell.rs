@@ -35,7 +35,28 @@ impl Part {
     /// have nothing within.
     #[must_use]
     pub fn inward(&self, depth_mm: f64) -> Self {
-        let moved = self.moved_inward(depth_mm);
+        self.inward_except(depth_mm, &vec![false; self.vertices_mm.len()])
+    }
+
+    /// The surface moved inward as by [`Self::inward`], except cavities, which stay.
+    #[must_use]
+    pub fn outside_inward(&self, depth_mm: f64) -> Self {
+        let mesh = self.mesh(&DAffine3::IDENTITY);
+        let (piece_of, count) = mesh.pieces();
+        let mut volumes = vec![0.0; count];
+        for (t, &piece) in self.triangles.iter().zip(&piece_of) {
+            let [a, b, c] = t.map(|v| self.vertices_mm[v as usize]);
+            volumes[piece as usize] += a.dot(b.cross(c));
+        }
+        let mut stays = vec![false; self.vertices_mm.len()];
+        for (t, _) in self.triangles.iter().zip(&piece_of).filter(|(_, piece)| volumes[**piece as usize] < 0.0) {
+            t.iter().for_each(|&v| stays[v as usize] = true);
+        }
+        self.inward_except(depth_mm, &stays)
+    }
+
+    fn inward_except(&self, depth_mm: f64, stays: &[bool]) -> Self {
+        let moved = self.moved_inward(depth_mm, stays);
         let mesh = moved.mesh(&DAffine3::IDENTITY);
         // Shallow folds are accepted, as by the check of scenes.
         let found = Tree::new(&mesh).map(|tree| crossing::find(&tree, &[]));
@@ -43,12 +64,13 @@ impl Part {
         if crosses { shrunk(self, depth_mm) } else { moved }
     }
 
-    fn moved_inward(&self, depth_mm: f64) -> Self {
+    fn moved_inward(&self, depth_mm: f64, stays: &[bool]) -> Self {
         let neighbours = self.neighbours();
         let normals = self.normals();
         // Normals are projected onto the grid's faces, so they are zero within a face that the scan cuts.
         let in_cut: Vec<bool> = normals.iter().map(|n| *n == DVec3::ZERO).collect();
         let mut depths = self.depths(&normals, depth_mm);
+        depths.iter_mut().zip(stays).filter(|(_, stays)| **stays).for_each(|(depth_mm, _)| *depth_mm = 0.0);
         let mut directions = normals;
         for _ in 0..EVEN_ROUNDS {
             depths = each(&neighbours, |v, around| {

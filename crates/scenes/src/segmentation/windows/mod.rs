@@ -15,7 +15,7 @@ use contact::touch;
 pub use sight::Sight;
 pub use standard::{look_at, windows};
 
-use super::probe_choice::ProbeChoice;
+use super::probe_choice::{ProbeChoice, ProbeKind};
 use insonify_core::anatomy::planes::View;
 
 /// Distance from a window's centre to the bottom of the image, mm.
@@ -74,9 +74,15 @@ impl WindowRow {
     }
 }
 
-/// Best position of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if
+/// Best position of a probe of `kind`, or of the depth's kind, within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if
 /// no line from the target's centre reaches skin.
-pub(crate) fn best_site(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f64) -> Option<ProbeSite> {
+pub(crate) fn best_site(
+    sight: &Sight,
+    view: &View,
+    kind: Option<ProbeKind>,
+    radius_mm: f64,
+    cone_deg: f64,
+) -> Option<ProbeSite> {
     let mut best: Option<(f64, ProbeSite)> = None;
     for ring in 0..=RINGS {
         let turn = cone_deg.to_radians() * ring as f64 / RINGS as f64;
@@ -89,7 +95,7 @@ pub(crate) fn best_site(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f6
             let lateral = view.lateral.reject_from(to_probe).normalize_or(to_probe.any_orthonormal_vector());
             let hidden = sight.hidden(contact_mm, view.centre_mm, lateral * radius_mm);
             let depth_mm = contact_mm.distance(view.centre_mm);
-            let face = ProbeChoice::of_depth(depth_mm + BELOW_MM).face();
+            let face = ProbeChoice::of_depth(kind, depth_mm + BELOW_MM).face();
             let touch = touch(&face, sight, contact_mm, to_probe, lateral);
             // The hidden share and the face without contact count most, then the angle to the usual direction, then the
             // press and the depth.

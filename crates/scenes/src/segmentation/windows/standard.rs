@@ -8,10 +8,12 @@ use insonify_core::anatomy::{Mesh, Skin};
 
 use super::{ProbeSite, Sight, WindowRow, best_site};
 use crate::segmentation::from_labels::Made;
+use crate::segmentation::probe_choice::ProbeChoice;
 use crate::segmentation::shape::Shape;
 
 /// Patient directions.
 const LEFT: DVec3 = DVec3::X;
+const BACK: DVec3 = DVec3::Y;
 const RIGHT: DVec3 = DVec3::NEG_X;
 const FRONT: DVec3 = DVec3::NEG_Y;
 const HEAD: DVec3 = DVec3::Z;
@@ -21,6 +23,10 @@ const ABDOMEN_GUIDE: &str = "AIUM Practice Parameter for the Performance of an U
                              and/or Retroperitoneum (2017)";
 const LUNG_GUIDE: &str = "Volpicelli et al., International evidence-based recommendations for point-of-care lung \
                           ultrasound (2012)";
+const TRAUMA_GUIDE: &str = "AIUM Practice Guideline for the Performance of the Focused Assessment With Sonography for \
+                            Trauma (FAST) Examination (2014)";
+const THYROID_GUIDE: &str = "AIUM Practice Parameter for the Performance of a Thyroid and Parathyroid Ultrasound \
+                             Examination (2016)";
 const HEART_GUIDE: &str = "ASE Guidelines for Performing a Comprehensive Transthoracic Echocardiographic Examination \
                            in Adults (2019)";
 
@@ -47,7 +53,23 @@ struct Wish {
 /// Windows of a patient, with poses, hidden shares and contact. A window without its organs, or without skin, is left out.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
-    let made = [liver, right_kidney, left_kidney, aorta, bladder, heart, lung].map(|window| window(&organs));
+    let all: [fn(&Organs) -> Option<Window>; 14] = [
+        liver,
+        gallbladder,
+        morison,
+        right_kidney,
+        right_kidney_across,
+        left_kidney,
+        spleen,
+        aorta,
+        aorta_across,
+        bladder,
+        heart,
+        four_chambers,
+        lung,
+        thyroid,
+    ];
+    let made = all.map(|window| window(&organs));
     let (mut planes, mut rows) = (Vec::new(), Vec::new());
     for (mut plane, wishes) in made.into_iter().flatten() {
         for (view, site) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
@@ -67,6 +89,9 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<View> {
     let organs = Organs(surfaces);
     let window: Option<fn(&Organs) -> Option<Window>> = match name {
         "liver" => Some(liver),
+        "gallbladder" => Some(gallbladder),
+        "spleen" => Some(spleen),
+        "thyroid_gland" => Some(thyroid),
         "kidney_right" => Some(right_kidney),
         "kidney_left" => Some(left_kidney),
         "aorta" => Some(aorta),
@@ -87,7 +112,8 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<View> {
 
 /// The view with its probe at the best position.
 fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
-    let site = best_site(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
+    let kind = wish.view.outlines.first().and_then(|name| ProbeChoice::kind_of(name));
+    let site = best_site(sight, &wish.view, kind, wish.radius_mm, wish.cone_deg)?;
     let mut view = wish.view;
     view.lateral = view.lateral.reject_from(site.to_probe).normalize_or(site.to_probe.any_orthonormal_vector());
     view.to_probe = site.to_probe;
@@ -143,17 +169,73 @@ fn caliper(name: &str, title: &str, points_mm: [DVec3; 2], surface: &str, reach_
     }
 }
 
+/// Length of the portal vein that gives the direction of the liver's plane, mm.
+const PORTAL_MM: f64 = 35.0;
+
 /// Oblique plane from below the right ribs up into the right lobe of the liver.
 fn liver(organs: &Organs) -> Option<Window> {
     let liver = organs.of(&["liver"])?;
     let shape = Shape::of(&liver.mesh)?;
-    let mut view = view("", shape.centre_mm, LEFT, FRONT + 0.8 * FEET);
+    // Through the portal vein where it lies deepest in the liver.
+    let away_mm = |v: &glam::Vec3| v.as_dvec3().distance(shape.centre_mm);
+    let portal = organs.of(&["portal_vein_and_splenic_vein", "portal_vein"]);
+    let nearest = portal.and_then(|p| p.mesh.vertices_mm.iter().min_by(|a, b| away_mm(a).total_cmp(&away_mm(b))));
+    let centre_mm = nearest.map_or(shape.centre_mm, |v| v.as_dvec3());
+    // Along the portal vein: towards its farthest point nearby.
+    let along = portal.map_or(LEFT, |portal| {
+        let near = portal.mesh.vertices_mm.iter().map(|v| v.as_dvec3() - centre_mm).filter(|v| v.length() < PORTAL_MM);
+        let far = near.max_by(|a, b| a.length().total_cmp(&b.length())).unwrap_or(LEFT);
+        far.normalize_or(LEFT) * if far.x < 0.0 { -1.0 } else { 1.0 }
+    });
+    let mut view = view("", centre_mm, along, FRONT + 0.8 * FEET);
     view.outlines = vec![liver.name.clone()];
     if let Some(gallbladder) = organs.of(&["gallbladder"]) {
         view.outlines.push(gallbladder.name.clone());
     }
     let plane = plane("liver", "subcostal view of the liver", ABDOMEN_GUIDE, 20.0, 20.0);
     Some((plane, vec![Wish { view, radius_mm: 45.0, cone_deg: 45.0 }]))
+}
+
+/// Long axis of the gallbladder, from the front below the ribs.
+fn gallbladder(organs: &Organs) -> Option<Window> {
+    let gallbladder = organs.of(&["gallbladder"])?;
+    let shape = Shape::of(&gallbladder.mesh)?;
+    let mut view = view("", shape.centre_mm, shape.long_axis(FEET), FRONT + 0.3 * FEET);
+    view.outlines = vec![gallbladder.name.clone()];
+    let plane = plane("gallbladder", "gallbladder, long axis", ABDOMEN_GUIDE, 20.0, 8.0);
+    Some((plane, vec![Wish { view, radius_mm: 0.35 * shape.length_mm(), cone_deg: 50.0 }]))
+}
+
+/// Morison's pouch: from the right flank, along the body, through the border of liver and kidney.
+fn morison(organs: &Organs) -> Option<Window> {
+    let (kidney, liver) = (organs.of(&["kidney_right"])?, organs.of(&["liver"])?);
+    let shape = Shape::of(&kidney.mesh)?;
+    let (pouch_mm, gap_mm) = between(&kidney.mesh, &liver.mesh)?;
+    let centre_mm = shape.centre_mm.lerp(pouch_mm, 0.6);
+    let mut view = view("", centre_mm, shape.long_axis(FEET), RIGHT + 0.3 * FRONT);
+    view.outlines = vec![liver.name.clone(), kidney.name.clone()];
+    view.landmarks = vec![mark("Morison's pouch", pouch_mm, 15.0)];
+    let plane = plane("morison", "Morison's pouch, between liver and right kidney", TRAUMA_GUIDE, 20.0, 12.0);
+    (gap_mm < 40.0).then(|| (plane, vec![Wish { view, radius_mm: 35.0, cone_deg: 45.0 }]))
+}
+
+/// Cross-section of the right kidney at its hilum, from the flank.
+fn right_kidney_across(organs: &Organs) -> Option<Window> {
+    let kidney = organs.of(&["kidney_right"])?;
+    let Wish { mut view, .. } = kidney_wish(kidney, RIGHT, "RKL")?;
+    (view.lateral, view.landmarks, view.calipers) = (view.to_probe.cross(view.lateral), Vec::new(), Vec::new());
+    let plane = plane("right_kidney_across", "right kidney, transverse", ABDOMEN_GUIDE, 20.0, 10.0);
+    Some((plane, vec![Wish { view, radius_mm: 22.0, cone_deg: 50.0 }]))
+}
+
+/// Long axis of the spleen, from the left flank between the ribs.
+fn spleen(organs: &Organs) -> Option<Window> {
+    let spleen = organs.of(&["spleen"])?;
+    let shape = Shape::of(&spleen.mesh)?;
+    let mut view = view("", shape.centre_mm, shape.long_axis(FEET), LEFT + 0.3 * BACK);
+    view.outlines = vec![spleen.name.clone()];
+    let plane = plane("spleen", "spleen, long axis", ABDOMEN_GUIDE, 20.0, 12.0);
+    Some((plane, vec![Wish { view, radius_mm: 0.3 * shape.length_mm(), cone_deg: 50.0 }]))
 }
 
 /// Long axis of the right kidney, from the flank. If Morison's pouch, between kidney and liver, is near, the plane
@@ -229,6 +311,16 @@ fn aorta(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
 }
 
+/// Cross-section of the abdominal aorta, from the front.
+fn aorta_across(organs: &Organs) -> Option<Window> {
+    let (_, wishes) = aorta(organs)?;
+    let Wish { mut view, .. } = wishes.into_iter().next()?;
+    view.lateral = LEFT.reject_from(view.lateral).reject_from(view.to_probe).try_normalize()?;
+    view.landmarks = Vec::new();
+    let plane = plane("aorta_across", "abdominal aorta, transverse", ABDOMEN_GUIDE, 15.0, 15.0);
+    Some((plane, vec![Wish { view, radius_mm: 20.0, cone_deg: 35.0 }]))
+}
+
 /// Cross-section of the bladder, from above the symphysis.
 fn bladder(organs: &Organs) -> Option<Window> {
     let bladder = organs.of(&["urinary_bladder"])?;
@@ -268,6 +360,31 @@ fn heart(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
 }
 
+/// Four chambers of the heart, from its apex.
+fn four_chambers(organs: &Organs) -> Option<Window> {
+    let centre = |name: &str| Some(Shape::of(&organs.of(&[name])?.mesh)?.centre_mm);
+    let [left, right] = [centre("heart_ventricle_left")?, centre("heart_ventricle_right")?];
+    let [left_atrium, right_atrium] = [centre("heart_atrium_left")?, centre("heart_atrium_right")?];
+    let (ventricles, atria) = (0.5 * (left + right), 0.5 * (left_atrium + right_atrium));
+    // The left ventricle is on the right of the image.
+    let mut view = view("", 0.6 * ventricles + 0.4 * atria, left - right, ventricles - atria);
+    view.outlines = vec![organs.of(&["heart_ventricle_left"])?.name.clone()];
+    let plane = plane("four_chambers", "apical four chambers of the heart", HEART_GUIDE, 20.0, 12.0);
+    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
+}
+
+/// Cross-section of the thyroid at its right lobe, from the front of the neck.
+fn thyroid(organs: &Organs) -> Option<Window> {
+    let thyroid = organs.of(&["thyroid_gland"])?;
+    let shape = Shape::of(&thyroid.mesh)?;
+    let lobe = thyroid.mesh.vertices_mm.iter().map(|v| v.as_dvec3()).filter(|v| v.x < shape.centre_mm.x);
+    let (sum, count) = lobe.fold((DVec3::ZERO, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    let mut view = view("", sum / count, LEFT, FRONT);
+    view.outlines = vec![thyroid.name.clone()];
+    let plane = plane("thyroid", "thyroid, transverse", THYROID_GUIDE, 20.0, 10.0);
+    Some((plane, vec![Wish { view, radius_mm: 15.0, cone_deg: 30.0 }]))
+}
+
 /// Distance of the lung window's centre from the pleura, mm.
 const PLEURA_MM: f64 = 4.0;
 
@@ -299,4 +416,83 @@ fn between(a: &Mesh, b: &Mesh) -> Option<(DVec3, f64)> {
     let pairs = a.iter().flat_map(|&p| b.iter().map(move |&q| (p.distance_squared(q), p, q)));
     let (squared, p, q) = pairs.min_by(|x, y| x.0.total_cmp(&y.0))?;
     Some((0.5 * (p + q), squared.sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use insonify_core::anatomy::analytic::{cuboid, sphere};
+
+    use super::*;
+
+    fn made(name: &str, mesh: Mesh) -> Made {
+        let (name, segment) = (name.to_owned(), Some(name.to_owned()));
+        Made { name, tissue: "liver".to_owned(), priority: 100, mesh, segment, voxels_mm3: Some(1.0) }
+    }
+
+    fn ball(name: &str, at: [f32; 3], semi_mm: [f32; 3]) -> Made {
+        let mut mesh = sphere(Vec3::ZERO, 1.0, 4);
+        mesh.vertices_mm.iter_mut().for_each(|v| *v = *v * Vec3::from(semi_mm) + Vec3::from(at));
+        made(name, mesh)
+    }
+
+    /// A body of 300 × 200 × 700 mm with organs as ellipsoids.
+    fn patient() -> Vec<Made> {
+        vec![
+            made("skin", cuboid(Vec3::new(-150.0, -100.0, -350.0), Vec3::new(150.0, 100.0, 350.0))),
+            ball("liver", [-70.0, 0.0, 40.0], [60.0, 60.0, 60.0]),
+            ball("kidney_right", [-60.0, 50.0, -60.0], [25.0, 22.0, 55.0]),
+            ball("gallbladder", [-40.0, -50.0, -30.0], [12.0, 12.0, 35.0]),
+            ball("spleen", [90.0, 40.0, 40.0], [20.0, 30.0, 50.0]),
+            ball("aorta", [10.0, 50.0, 0.0], [10.0, 10.0, 150.0]),
+            ball("thyroid_gland", [0.0, -70.0, 300.0], [30.0, 8.0, 20.0]),
+            ball("heart_ventricle_left", [40.0, -40.0, 150.0], [20.0, 20.0, 20.0]),
+            ball("heart_ventricle_right", [10.0, -50.0, 145.0], [20.0, 15.0, 20.0]),
+            ball("heart_atrium_left", [20.0, 0.0, 180.0], [18.0, 18.0, 18.0]),
+            ball("heart_atrium_right", [-10.0, -10.0, 175.0], [18.0, 18.0, 18.0]),
+        ]
+    }
+
+    fn view_of(planes: &StandardPlanes, name: &str) -> View {
+        planes.planes.iter().find(|plane| plane.name == name).unwrap_or_else(|| panic!("{name}")).views[0].clone()
+    }
+
+    #[test]
+    fn planes_pass_their_organs_as_sonographers_hold_the_probe() {
+        let surfaces = patient();
+        let sight = Sight::new(&surfaces, Vec::new(), |_| false).unwrap();
+        let (planes, rows) = windows(&surfaces, &sight);
+        assert!(rows.iter().all(|row| row.hidden == 0.0), "{rows:?}");
+        let along = |name: &str, axis: DVec3| view_of(&planes, name).lateral.dot(axis).abs();
+        for (name, axis) in [("gallbladder", HEAD), ("spleen", HEAD), ("right_kidney", HEAD), ("aorta", HEAD)] {
+            assert!(along(name, axis) > 0.8, "{name}: {}", along(name, axis));
+        }
+        for (name, axis) in [("right_kidney_across", HEAD), ("aorta_across", HEAD), ("thyroid", HEAD)] {
+            assert!(along(name, axis) < 0.3, "{name}: {}", along(name, axis));
+        }
+        assert!(view_of(&planes, "spleen").to_probe.x > 0.7 && view_of(&planes, "morison").to_probe.x < -0.7);
+        assert!(view_of(&planes, "thyroid").centre_mm.x < -5.0, "the right lobe");
+        let morison = view_of(&planes, "morison");
+        assert_eq!(morison.landmarks.len(), 1);
+        assert_eq!(morison.outlines, ["liver", "kidney_right"]);
+    }
+
+    #[test]
+    fn the_apical_plane_passes_four_chambers_with_the_left_ones_on_the_right_of_the_image() {
+        let surfaces = patient();
+        let sight = Sight::new(&surfaces, Vec::new(), |_| false).unwrap();
+        let view = view_of(&windows(&surfaces, &sight).0, "four_chambers");
+        let at = |name: &str| {
+            let made = surfaces.iter().find(|made| made.name == name).unwrap();
+            Shape::of(&made.mesh).unwrap().centre_mm - view.centre_mm
+        };
+        for name in ["heart_ventricle_left", "heart_ventricle_right", "heart_atrium_left", "heart_atrium_right"] {
+            assert!(at(name).dot(view.normal).abs() < 12.0, "{name}: {}", at(name).dot(view.normal));
+        }
+        assert!(at("heart_ventricle_left").dot(view.lateral) > at("heart_ventricle_right").dot(view.lateral));
+        assert!(at("heart_ventricle_left").dot(view.to_probe) > at("heart_atrium_left").dot(view.to_probe));
+        let without = &surfaces[..10];
+        let sight = Sight::new(without, Vec::new(), |_| false).unwrap();
+        assert!(windows(without, &sight).0.planes.iter().all(|plane| plane.name != "four_chambers"));
+    }
 }

@@ -129,7 +129,7 @@ fn a_file_defines_classes_beside_the_built_in_names() {
     assert_eq!(table.named("Liver").unwrap().tissue.as_deref(), Some("spleen"));
     assert_eq!(table.numbered(10), table.named("lesion"));
     assert_eq!(table.numbered(1), None);
-    assert_eq!(table.named("kidney_left").unwrap().tissue.as_deref(), Some("kidney"));
+    assert_eq!(table.named("kidney_left").unwrap().tissue.as_deref(), Some("renal_cortex"));
 }
 
 #[test]
@@ -176,4 +176,33 @@ fn faults_of_a_mapping_are_named() {
     table.add("spleen=spleen").unwrap();
     table.add("a=b=Liver").unwrap();
     assert_eq!(table.named("a=b").unwrap().tissue.as_deref(), Some("liver"));
+}
+
+#[test]
+fn a_wall_has_one_layer_or_a_list_and_wrong_layers_are_named() {
+    let class = |wall: &str| {
+        load(&format!("[[class]]\nname = \"x\"\nvalue = 1\ntissue = \"liver\"\npriority = 50\nwall = {wall}\n"))
+    };
+    let layers = |wall: &str| class(wall).unwrap().numbered(1).unwrap().wall.clone();
+    let one = layers("{ tissue = \"fascia\", mm = 0.5 }");
+    assert_eq!(one, layers("[{ tissue = \"fascia\", mm = 0.5 }]"));
+    let two = layers("[{ tissue = \"fascia\", mm = 0.5 }, { part = \"gut_layers\", tissue = \"muscle\", mm = 2.0 }]");
+    assert_eq!((two.len(), two[1].part.as_deref()), (2, Some("gut_layers")));
+    let many = format!("[{}]", ["{ tissue = \"fascia\", mm = 0.5 }"; 6].join(", "));
+    for (wall, said) in [
+        ("{ tissue = \"fascia\", m = 0.5 }", "unknown field `m`"),
+        ("[{ tissue = \"fascia\" }]", "missing field `mm`"),
+        ("3.0", "a layer, as { tissue"),
+        ("[{ tissue = \"fascia\", mm = 0.5 }, { tissue = \"musle\", mm = 1.0 }]", "did you mean `muscle`"),
+        ("[{ tissue = \"fascia\", mm = 0.5 }, { tissue = \"muscle\", mm = 30.0 }]", "`wall.mm` is 30"),
+        ("{ part = \"capsul\", tissue = \"fascia\", mm = 0.5 }", "`wall.part` is `capsul`"),
+        (
+            "[{ part = \"capsule\", tissue = \"fascia\", mm = 0.5 }, { part = \"pleura\", tissue = \"fascia\", mm = 0.5 }]",
+            "two layers",
+        ),
+        (&many, "6 layers"),
+    ] {
+        let error = format!("{:#}", class(wall).unwrap_err());
+        assert!(error.contains(said), "{wall}: {error}");
+    }
 }

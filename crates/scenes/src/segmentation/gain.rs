@@ -1,0 +1,186 @@
+//! Gain and TGC of a view, from the attenuation along it, as a scanner's automatic gain sets them.
+//!
+//! The tissues along each scanline give the loss to each depth. TGC is the slope of the mean loss, and the gain makes up
+//! for the rest.
+
+use glam::DVec3;
+use insonify_core::anatomy::{Mesh, Tissue, ray};
+use insonify_core::pose::Pose;
+
+use super::probe_choice::ProbeChoice;
+
+/// Acoustic impedances of tissues that ultrasound passes, MRayl: above gas, below bone.
+pub(super) const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
+/// Number of scanlines and distance of the depths at which the loss is told, mm.
+const SCANLINES: usize = 33;
+const STEP_MM: f64 = 2.0;
+/// Depth from which the loss counts, mm: nearer, the probe's own field rules.
+const FROM_MM: f64 = 10.0;
+/// Fewest scanlines at a depth whose mean counts.
+const FEWEST: usize = 4;
+/// Distance of crossings that are one, mm.
+const SAME_MM: f64 = 1e-6;
+/// Gain without any loss, dB: liver is a middle grey.
+const GAIN_DB: f64 = 8.0;
+/// Range of the gain, dB, and of TGC, dB/cm.
+const GAINS_DB: [f64; 2] = [-10.0, 40.0];
+const TGC_DB_PER_CM: [f64; 2] = [0.5, 20.0];
+
+/// Gain of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// Overall gain, dB.
+    pub gain_db: f64,
+    /// Time gain compensation, dB/cm.
+    pub tgc_db_per_cm: f64,
+}
+
+/// A surface along the view: mesh, priority, and tissue inside.
+pub type Layer<'a> = (&'a Mesh, i32, &'a Tissue);
+
+impl Gain {
+    /// Gain for `probe` at `pose` in a scene of `layers`.
+    pub fn of(layers: &[Layer], probe: &ProbeChoice, pose: &Pose) -> Self {
+        let ends = probe
+            .scanlines(SCANLINES)
+            .into_iter()
+            .map(|(from, along)| (pose.transform_point(from), pose.transform_vector(along)));
+        let lines: Vec<(DVec3, DVec3)> = ends.collect();
+        let crossings = crossings(layers, &lines, probe.depth_mm);
+        let steps = (probe.depth_mm / STEP_MM) as usize;
+        let (mut sums, mut counts) = (vec![0.0; steps], vec![0usize; steps]);
+        for line in &crossings {
+            for (n, loss_db) in losses_db(layers, line, probe, steps).into_iter().enumerate() {
+                sums[n] += loss_db;
+                counts[n] += 1;
+            }
+        }
+        let points = (0..steps).map(|n| ((n + 1) as f64 * STEP_MM, n));
+        let points: Vec<(f64, f64)> = points
+            .filter(|&(depth_mm, n)| depth_mm > FROM_MM && counts[n] >= FEWEST)
+            .map(|(depth_mm, n)| (0.1 * depth_mm, sums[n] / counts[n] as f64))
+            .collect();
+        let (start_db, slope) = line_through(&points).unwrap_or_else(|| (0.0, usual_db_per_cm(probe)));
+        let tgc_db_per_cm = (10.0 * slope).round() / 10.0;
+        Self {
+            gain_db: (GAIN_DB + start_db).round().clamp(GAINS_DB[0], GAINS_DB[1]),
+            tgc_db_per_cm: tgc_db_per_cm.clamp(TGC_DB_PER_CM[0], TGC_DB_PER_CM[1]),
+        }
+    }
+}
+
+/// Two-way loss of soft tissue and muscle, dB/cm, for views in which nothing passes.
+fn usual_db_per_cm(probe: &ProbeChoice) -> f64 {
+    1.3 * probe.frequency_mhz
+}
+
+/// Least-squares line through points: its value at 0 and its slope. `None` for points of fewer than two places.
+fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let count = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
+    let spread: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
+    let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread;
+    (spread > 0.0).then_some((y - slope * x, slope))
+}
+
+/// Crossings of each line with the layers, ascending: depth in mm, index of the layer, and whether the line enters it.
+fn crossings(layers: &[Layer], lines: &[(DVec3, DVec3)], depth_mm: f64) -> Vec<Vec<(f64, usize, bool)>> {
+    let mut found = vec![Vec::new(); lines.len()];
+    for (index, (mesh, ..)) in layers.iter().enumerate() {
+        for corners in mesh.corners_mm() {
+            for (line, &(from, along)) in found.iter_mut().zip(lines) {
+                let hit = ray::intersect(corners, 0.0, from, along);
+                line.extend(
+                    hit.filter(|(depth, _)| depth.abs() < depth_mm).map(|(depth, leaves)| (depth, index, !leaves)),
+                );
+            }
+        }
+    }
+    for line in &mut found {
+        line.sort_by(|a, b| (a.1, a.2).cmp(&(b.1, b.2)).then(a.0.total_cmp(&b.0)));
+        // A line through a shared edge meets both triangles.
+        line.dedup_by(|a, b| (a.1, a.2) == (b.1, b.2) && (a.0 - b.0).abs() < SAME_MM);
+        line.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    found
+}
+
+/// Two-way loss from the face to each step of a line, dB, up to bone, gas or the far side of the body.
+fn losses_db(layers: &[Layer], crossings: &[(f64, usize, bool)], probe: &ProbeChoice, steps: usize) -> Vec<f64> {
+    let mut inside = vec![0i32; layers.len()];
+    let mut next = crossings.iter().peekable();
+    let mut loss_db = 0.0;
+    let mut losses = Vec::new();
+    let mut was_inside = false;
+    for step in 0..steps {
+        let middle_mm = (step as f64 + 0.5) * STEP_MM;
+        while let Some(&(_, index, enters)) = next.next_if(|(depth, ..)| *depth < middle_mm) {
+            inside[index] += if enters { 1 } else { -1 };
+        }
+        let present = layers.iter().zip(&inside).filter(|(_, count)| **count > 0).map(|(layer, _)| layer);
+        // Of equal priorities, the later one is the medium.
+        match present.max_by_key(|(_, priority, _)| *priority) {
+            Some((.., tissue)) if PASSED_MRAYL.contains(&tissue.impedance_mrayl()) => {
+                was_inside = true;
+                let one_way = tissue.attenuation_db_cm_mhz * probe.frequency_mhz.powf(tissue.attenuation_exponent);
+                loss_db += 2.0 * one_way * 0.1 * STEP_MM;
+            }
+            None if !was_inside => {}
+            _ => break,
+        }
+        losses.push(loss_db);
+    }
+    losses
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use insonify_core::anatomy::TissueTable;
+    use insonify_core::anatomy::analytic::cuboid;
+
+    use super::*;
+    use crate::segmentation::probe_choice::ProbeKind;
+
+    fn gain(parts: &[(&str, f32, f32)], kind: ProbeKind) -> (Gain, ProbeChoice) {
+        let table = TissueTable::builtin().unwrap();
+        let slab =
+            |&(_, from, to): &(&str, f32, f32)| cuboid(Vec3::new(-300.0, -300.0, from), Vec3::new(300.0, 300.0, to));
+        let meshes: Vec<Mesh> = parts.iter().map(slab).collect();
+        let layer = |(n, part): (usize, &(&str, f32, f32))| {
+            (&meshes[n], n as i32, &table.tissues()[table.index_of(part.0).unwrap()])
+        };
+        let layers: Vec<Layer> = parts.iter().enumerate().map(layer).collect();
+        let probe = ProbeChoice::of_depth(Some(kind), 120.0);
+        (Gain::of(&layers, &probe, &Pose::IDENTITY), probe)
+    }
+
+    #[test]
+    fn in_one_tissue_tgc_is_its_loss_two_ways() {
+        let (found, probe) = gain(&[("liver", -1.0, 200.0)], ProbeKind::Linear);
+        let want = 2.0 * 0.55 * probe.frequency_mhz;
+        assert!((found.tgc_db_per_cm - want).abs() <= 0.05 && found.gain_db == GAIN_DB, "{found:?}, {want}");
+    }
+
+    #[test]
+    fn muscle_before_the_liver_adds_gain_and_a_bladder_takes_tgc() {
+        let liver = gain(&[("liver", -1.0, 200.0)], ProbeKind::Convex).0;
+        let behind = gain(&[("liver", -1.0, 200.0), ("muscle", -1.0, 20.0)], ProbeKind::Convex).0;
+        assert!(behind.gain_db >= liver.gain_db + 3.0, "{behind:?}");
+        let bladder = gain(&[("liver", -1.0, 200.0), ("urine", 30.0, 90.0)], ProbeKind::Convex).0;
+        assert!(bladder.tgc_db_per_cm < 0.7 * liver.tgc_db_per_cm, "{bladder:?}");
+    }
+
+    #[test]
+    fn what_lies_behind_gas_or_beyond_the_body_does_not_count() {
+        let liver = gain(&[("liver", -1.0, 200.0)], ProbeKind::Linear).0;
+        for gas in [("air", 60.0, 80.0), ("bone_adult", 60.0, 80.0)] {
+            assert_eq!(gain(&[("liver", -1.0, 60.0), gas, ("muscle", 80.0, 200.0)], ProbeKind::Linear).0, liver);
+        }
+        assert_eq!(gain(&[("liver", -1.0, 60.0)], ProbeKind::Linear).0, liver);
+        // Nothing is seen behind the ribs: a usual slope.
+        let (found, probe) = gain(&[("bone_adult", -1.0, 200.0)], ProbeKind::Linear);
+        assert!((found.tgc_db_per_cm - usual_db_per_cm(&probe)).abs() < 0.06, "{found:?}");
+    }
+}
