@@ -390,11 +390,14 @@ impl Builder<'_> {
         share: f64,
         voxels_of: impl Fn(u16, &Organ) -> Vec<usize>,
     ) -> BTreeMap<u16, Part> {
+        let regions = (1..=u16::MAX).zip(&inputs.organs).map(|(label, organ)| (label, voxels_of(label, organ)));
+        let regions: Vec<(u16, Vec<usize>)> = regions.filter(|(_, voxels)| !voxels.is_empty()).collect();
+        if regions.is_empty() {
+            return BTreeMap::new();
+        }
         let mut labels = vec![NONE; inputs.labels.len()];
-        for (label, organ) in (1..=u16::MAX).zip(&inputs.organs) {
-            for i in voxels_of(label, organ) {
-                labels[i] = label;
-            }
+        for (label, voxels) in regions {
+            voxels.into_iter().for_each(|i| labels[i] = label);
         }
         without_fragments(&mut labels, self.grid.size, FRAGMENT_VOXELS);
         make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));

@@ -4,8 +4,10 @@
 //! for the rest.
 
 use glam::DVec3;
+use insonify_core::acoustics::attenuation::attenuation_db_mm;
 use insonify_core::anatomy::{Mesh, Tissue, ray};
 use insonify_core::pose::Pose;
+use insonify_core::statistics;
 
 use super::probe_choice::ProbeChoice;
 
@@ -46,7 +48,7 @@ impl Gain {
             .into_iter()
             .map(|(from, along)| (pose.transform_point(from), pose.transform_vector(along)));
         let lines: Vec<(DVec3, DVec3)> = ends.collect();
-        let crossings = crossings(layers, &lines, probe.depth_mm);
+        let crossings = crossings(layers, &lines, pose.transform_vector(DVec3::Y), probe.depth_mm);
         let steps = (probe.depth_mm / STEP_MM) as usize;
         let (mut sums, mut counts) = (vec![0.0; steps], vec![0usize; steps]);
         for line in &crossings {
@@ -76,19 +78,28 @@ fn usual_db_per_cm(probe: &ProbeChoice) -> f64 {
 
 /// Least-squares line through points: its value at 0 and its slope. `None` for points of fewer than two places.
 fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let count = points.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
-    let spread: f64 = points.iter().map(|p| (p.0 - x).powi(2)).sum();
-    let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread;
-    (spread > 0.0).then_some((y - slope * x, slope))
+    let (slope, _) = statistics::slope(points);
+    let start = statistics::mean(points.iter().map(|(x, y)| y - slope * x))?;
+    slope.is_finite().then_some((start, slope))
 }
 
-/// Crossings of each line with the layers, ascending: depth in mm, index of the layer, and whether the line enters it.
-fn crossings(layers: &[Layer], lines: &[(DVec3, DVec3)], depth_mm: f64) -> Vec<Vec<(f64, usize, bool)>> {
+/// Crossings of each line with the layers, ascending: depth in mm, index of the layer, and whether the line enters it. The
+/// lines lie in a plane with the unit normal `elevational`.
+fn crossings(
+    layers: &[Layer],
+    lines: &[(DVec3, DVec3)],
+    elevational: DVec3,
+    depth_mm: f64,
+) -> Vec<Vec<(f64, usize, bool)>> {
     let mut found = vec![Vec::new(); lines.len()];
+    let Some(&(in_plane, _)) = lines.first() else { return found };
     for (index, (mesh, ..)) in layers.iter().enumerate() {
         for corners in mesh.corners_mm() {
+            // Most triangles lie on one side of the plane.
+            let heights_mm = corners.map(|v| (v.as_dvec3() - in_plane).dot(elevational));
+            if heights_mm.iter().all(|mm| *mm > SAME_MM) || heights_mm.iter().all(|mm| *mm < -SAME_MM) {
+                continue;
+            }
             for (line, &(from, along)) in found.iter_mut().zip(lines) {
                 let hit = ray::intersect(corners, 0.0, from, along);
                 line.extend(
@@ -123,8 +134,8 @@ fn losses_db(layers: &[Layer], crossings: &[(f64, usize, bool)], probe: &ProbeCh
         match present.max_by_key(|(_, priority, _)| *priority) {
             Some((.., tissue)) if PASSED_MRAYL.contains(&tissue.impedance_mrayl()) => {
                 was_inside = true;
-                let one_way = tissue.attenuation_db_cm_mhz * probe.frequency_mhz.powf(tissue.attenuation_exponent);
-                loss_db += 2.0 * one_way * 0.1 * STEP_MM;
+                let (a, y) = (tissue.attenuation_db_cm_mhz, tissue.attenuation_exponent);
+                loss_db += 2.0 * attenuation_db_mm(a, y, probe.frequency_mhz) * STEP_MM;
             }
             None if !was_inside => {}
             _ => break,
@@ -154,6 +165,17 @@ mod tests {
         let layers: Vec<Layer> = parts.iter().enumerate().map(layer).collect();
         let probe = ProbeChoice::of_depth(Some(kind), 120.0);
         (Gain::of(&layers, &probe, &Pose::IDENTITY), probe)
+    }
+
+    #[test]
+    fn a_line_through_the_edge_between_two_triangles_crosses_once() {
+        let table = TissueTable::builtin().unwrap();
+        let cube = cuboid(Vec3::splat(-10.0), Vec3::splat(10.0));
+        let layers: [Layer; 1] = [(&cube, 0, &table.tissues()[0])];
+        let from_mm = DVec3::new(0.0, 0.0, -30.0);
+        // The diagonals of both faces pass through the middle.
+        let found = crossings(&layers, &[(from_mm, DVec3::Z)], DVec3::Y, 100.0);
+        assert_eq!(found, [[(20.0, 0, true), (40.0, 0, false)]]);
     }
 
     #[test]

@@ -69,15 +69,21 @@ impl Shape {
 /// Smallest volume of a piece that counts, relative to its mesh.
 const PIECE: f64 = 0.15;
 
-/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex with each other; those below 15 % of the
-/// mesh are left out.
-pub(super) fn pieces_ml(mesh: &Mesh) -> Vec<f64> {
+/// Index of the connected piece of each triangle, and the volume within each piece, mm³. The volume of a cavity is negative.
+pub(super) fn pieces_mm3(mesh: &Mesh) -> (Vec<u32>, Vec<f64>) {
     let (piece_of, count) = mesh.pieces();
     let mut volumes = vec![0.0; count];
-    for (corners, piece) in mesh.corners_mm().zip(piece_of) {
+    for (corners, &piece) in mesh.corners_mm().zip(&piece_of) {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         volumes[piece as usize] += a.dot(b.cross(c)) / 6.0;
     }
+    (piece_of, volumes)
+}
+
+/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex with each other; those below 15 % of the
+/// mesh are left out.
+pub(super) fn pieces_ml(mesh: &Mesh) -> Vec<f64> {
+    let (_, volumes) = pieces_mm3(mesh);
     let whole = mesh.signed_volume_mm3();
     let mut large: Vec<f64> = volumes.into_iter().filter(|v| *v > PIECE * whole).map(|v| v * 1e-3).collect();
     large.sort_by(|a, b| b.total_cmp(a));

@@ -89,9 +89,7 @@ impl Inside {
     pub(super) fn of<'a>(meshes: impl IntoIterator<Item = &'a Mesh>) -> Self {
         Self(Winding::of(meshes.into_iter().flat_map(Mesh::corners_mm)))
     }
-}
 
-impl Inside {
     /// Distance from the surface, mm, at most `most_mm`.
     pub(super) fn distance_mm(&self, at_mm: DVec3, most_mm: f64) -> f64 {
         distance_mm(&self.0, at_mm, most_mm)

@@ -10,7 +10,7 @@ use super::field::{FAR_MM, Field, Inside, distance_mm, intersection_mm, surface}
 use super::{Part, outer, spread};
 use crate::segmentation::from_labels::Made;
 use crate::segmentation::meshing::winding::Winding;
-use crate::segmentation::shape::Shape;
+use crate::segmentation::shape::{Shape, pieces_mm3};
 
 /// Segments that are kidneys, each with the direction to the body's middle.
 const KIDNEYS: [(&str, DVec3); 2] = [("kidney_right", DVec3::X), ("kidney_left", DVec3::NEG_X)];
@@ -69,12 +69,7 @@ pub(super) fn parts(surfaces: &[Made]) -> Vec<Part> {
 
 /// The surface without the walls of cavities, in which cysts and tumours lie.
 fn without_cavities(mesh: &Mesh) -> Mesh {
-    let (piece_of, count) = mesh.pieces();
-    let mut volumes = vec![0.0; count];
-    for (corners, &piece) in mesh.corners_mm().zip(&piece_of) {
-        let [a, b, c] = corners.map(|v| v.as_dvec3());
-        volumes[piece as usize] += a.dot(b.cross(c));
-    }
+    let (piece_of, volumes) = pieces_mm3(mesh);
     let mut kept = Mesh::default();
     let mut number_of = vec![u32::MAX; mesh.vertices_mm.len()];
     for (triangle, _) in mesh.triangles.iter().zip(&piece_of).filter(|(_, piece)| volumes[**piece as usize] > 0.0) {

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::part::Part;
 use super::shrunk::shrunk;
+use crate::segmentation::shape::pieces_mm3;
 
 /// Largest depth of the offset, relative to the thickness of the part along the normal.
 const SHARE_MAX: f64 = 0.35;
@@ -41,13 +42,7 @@ impl Part {
     /// The surface moved inward as by [`Self::inward`], except cavities, which stay.
     #[must_use]
     pub fn outside_inward(&self, depth_mm: f64) -> Self {
-        let mesh = self.mesh(&DAffine3::IDENTITY);
-        let (piece_of, count) = mesh.pieces();
-        let mut volumes = vec![0.0; count];
-        for (t, &piece) in self.triangles.iter().zip(&piece_of) {
-            let [a, b, c] = t.map(|v| self.vertices_mm[v as usize]);
-            volumes[piece as usize] += a.dot(b.cross(c));
-        }
+        let (piece_of, volumes) = pieces_mm3(&self.mesh(&DAffine3::IDENTITY));
         let mut stays = vec![false; self.vertices_mm.len()];
         for (t, _) in self.triangles.iter().zip(&piece_of).filter(|(_, piece)| volumes[**piece as usize] < 0.0) {
             t.iter().for_each(|&v| stays[v as usize] = true);
