@@ -74,7 +74,7 @@
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz and impedance in MRayl;
 //! the unit is in the name. Transforms are named `a_from_b`.
 
-pub use insonify_core::{acoustics, anatomy, files, names, pose, random, settings, statistics, transducer};
+pub use insonify_core::{acoustics, anatomy, files, names, needle, pose, random, settings, statistics, transducer};
 pub use insonify_render as render;
 pub use insonify_render::look;
 pub use insonify_scenes::{phantom, segmentation};

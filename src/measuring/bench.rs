@@ -184,7 +184,7 @@ fn many(
     measured: &mut impl FnMut(&Frame),
 ) -> Result<f64, RenderError> {
     let seed = renderer.settings().quality.seed;
-    let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed });
+    let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed, needle: None });
     renderer.render_many(jobs.clone().take(WARM_UP), |_, _| Ok::<_, RenderError>(()))?;
     let started = Instant::now();
     renderer.render_many(jobs.take(frames), |_, frame| {

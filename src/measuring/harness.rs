@@ -157,7 +157,7 @@ impl Harness {
     ) -> Result<(), MeasuringError> {
         self.renderer.set_image(true);
         let seed = self.renderer.settings().quality.seed;
-        let jobs = poses.iter().map(|&pose| Job { pose, time_s: 0.0, seed });
+        let jobs = poses.iter().map(|&pose| Job { pose, time_s: 0.0, seed, needle: None });
         self.renderer.render_many(jobs, |_, frame| each(frame))
     }
 

@@ -32,7 +32,7 @@ const VIRIDIS: [u32; 256] = [
 ];
 
 /// Fixed colours of built-in tissues: fluids are blue and black, soft tissues red and brown, bone is ivory.
-const TISSUES: [(&str, u32); 59] = [
+const TISSUES: [(&str, u32); 60] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
     ("amniotic_fluid", 0x14386b),
@@ -82,6 +82,7 @@ const TISSUES: [(&str, u32); 59] = [
     ("pleura", 0xf0d0dc),
     ("lung_air", 0x5d7f96),
     ("steel", 0x9fb4c8),
+    ("needle", 0x4fd0ff),
     ("nylon", 0xffffff),
     ("probe_face", 0x55606a),
     ("tmm", 0x6f7f8f),

@@ -23,6 +23,7 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`needle`] | pose of a tracked needle, the way of its tip |
 //! | [`transducer`] | geometry of a probe, and of its sector in the image |
 //! | [`anatomy`] | scenes: surfaces, tissues, motion, glTF files, bounding-volume hierarchy, checks |
 //! | [`pose`] | poses: their estimation from tracker records, calibration, registration |
@@ -32,6 +33,8 @@
 //! | [`lanes`], [`simd`], [`instructions`] | jobs on several threads, loops on vectors, vector instructions in use |
 //!
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz. The unit is in the name.
+
+pub mod needle;
 
 pub mod transducer;
 

@@ -17,6 +17,7 @@ fn jobs(case: &Case, count: u32) -> Vec<Job> {
         pose: Pose { position_mm: case.pose.position_mm + DVec3::X * 0.7 * f64::from(i), ..case.pose },
         time_s: 0.2 * f64::from(i / 3),
         seed: 40 + i / 2,
+        needle: None,
     };
     (0..count).map(job).collect()
 }

@@ -122,12 +122,19 @@ pub(super) const LAST: [&str; 11] = [
     "valve",
 ];
 
+/// Name of the tissue of a tracked needle. It is numbered after all others, for the same reason.
+pub const NEEDLE: &str = "needle";
+
 /// Key by which tissues are ordered.
-fn order(name: &str) -> (bool, &str) {
-    (LAST.contains(&name), name)
+fn order(name: &str) -> (u8, &str) {
+    match name {
+        NEEDLE => (2, name),
+        _ => (LAST.contains(&name).into(), name),
+    }
 }
 
-/// Tissues in alphabetical order of their names, with those of adults' organs after all others. A tissue's number in
+/// Tissues in alphabetical order of their names, with those of adults' organs after all others, and the needle at the
+/// end. A tissue's number in
 /// segmentation maps is its index + 1; 0 is "outside".
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TissueTable {
@@ -141,15 +148,16 @@ impl TissueTable {
     /// # Errors
     /// A value outside its range, or more than 255 tissues.
     pub fn new(entries: impl IntoIterator<Item = (String, Tissue)>) -> Result<Self, TissueError> {
-        let sorted: std::collections::BTreeMap<_, _> = entries.into_iter().collect();
-        if sorted.len() > 255 {
-            return Err(TissueError::TooMany { count: sorted.len() });
+        let entries: std::collections::BTreeMap<_, _> = entries.into_iter().collect();
+        if entries.len() > 255 {
+            return Err(TissueError::TooMany { count: entries.len() });
         }
-        for (name, tissue) in &sorted {
+        for (name, tissue) in &entries {
             check(name, tissue)?;
         }
-        let (last, first): (Vec<_>, Vec<_>) = sorted.into_iter().partition(|(name, _)| LAST.contains(&name.as_str()));
-        let (names, tissues) = first.into_iter().chain(last).unzip();
+        let mut sorted: Vec<(String, Tissue)> = entries.into_iter().collect();
+        sorted.sort_by(|(a, _), (b, _)| order(a).cmp(&order(b)));
+        let (names, tissues) = sorted.into_iter().unzip();
         Ok(Self { names, tissues })
     }
 

@@ -60,6 +60,8 @@ effects! {
     Clutter = "clutter";
     /// Noise of the receiver.
     Noise = "noise";
+    /// Echo and shadow of the tracked needle.
+    Needle = "needle";
     /// Relative motion of parts, and drift of the whole scene.
     Motion = "motion";
     /// Maps of segmentation and attenuation; auto: if a sink or a generator reads them.

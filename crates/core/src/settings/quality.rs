@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::hidden;
-use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
+use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, NeedleSettings, ReceiverSettings, settings};
 
 /// Largest value of `quality.reflections_max`.
 pub(crate) const REFLECTIONS_MAX: u32 = 6;
@@ -93,6 +93,9 @@ settings! {
         /// Choices for effects, which override the plan.
         #[serde(skip)]
         effects: EffectChoices = EffectChoices::default(), Everything;
+        /// The tracked needle; `None`: the station has no `[needle]`.
+        #[serde(skip)]
+        needle: Option<NeedleSettings> = None, Everything;
     }
 }
 

@@ -6,6 +6,7 @@ mod bound;
 mod contact;
 mod facts;
 mod loss;
+mod needle;
 mod rules;
 mod speckle;
 

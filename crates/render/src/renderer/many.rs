@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use insonify_core::lanes::{in_order, lane_count};
+use insonify_core::needle::Needle;
 use insonify_core::pose::Pose;
 use insonify_core::settings::{Quality, RenderSettings};
 
@@ -25,6 +26,8 @@ pub struct Job {
     pub time_s: f64,
     /// Seed of the frame's random choices.
     pub seed: u32,
+    /// The needle in the scene; `None`: the frame shows none.
+    pub needle: Option<Needle>,
 }
 
 impl Renderer {
@@ -36,7 +39,7 @@ impl Renderer {
     /// own buffers and, if the scene moves, a copy of the tree. These are kept for the next call. A device has two
     /// frames in flight. If one frame can't keep it busy, successive jobs of equal scene time share dispatches.
     ///
-    /// Jobs are taken only a few ahead. Time and settings are restored at the end.
+    /// Jobs are taken only a few ahead. Time, needle and settings are restored at the end.
     ///
     /// # Errors
     /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an
@@ -49,7 +52,8 @@ impl Renderer {
         if self.frames_in_flight() > 0 {
             return Err(RenderError::RingFull.into());
         }
-        let (time_s, settings, probe) = (self.time_s, self.active.settings, self.active.probe);
+        let (time_s, needle) = (self.time_s, self.needle);
+        let (settings, probe) = (self.active.settings, self.active.probe);
         let done = if self.on_host || self.compounding.is_some() {
             self.render_at_once(jobs, each)
         } else {
@@ -64,6 +68,7 @@ impl Renderer {
         }
         let restored = self.reconfigure(&probe, &settings);
         self.set_time_s(time_s);
+        self.set_needle(needle);
         // The first error counts: restoring the settings of a lost device fails, too.
         done?;
         Ok(restored?)
@@ -173,6 +178,7 @@ impl Renderer {
             &RenderSettings { quality: Quality { seed: job.seed, ..quality }, ..self.active.settings },
         )?;
         self.set_time_s(job.time_s);
+        self.set_needle(job.needle);
         Ok(())
     }
 
@@ -217,6 +223,7 @@ impl Renderer {
             compute_device: self.compute_device,
             image: self.image,
             time_s: self.time_s,
+            needle: self.needle,
             motion_ms: 0.0,
             compounding: None,
             kept_pictures: Kept::default(),
@@ -269,6 +276,7 @@ mod tests {
             pose: Pose { position_mm: DVec3::new(f64::from(i) - 3.0, 0.0, 0.0), orientation: DQuat::IDENTITY },
             time_s: 0.1 * f64::from(i),
             seed: i / 2,
+            needle: None,
         })
     }
 

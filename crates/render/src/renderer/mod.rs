@@ -10,6 +10,7 @@ use std::time::Instant;
 use glam::DVec3;
 use insonify_core::anatomy::scene::SURFACES_MAX;
 use insonify_core::anatomy::{Bvh, Scene, Skin};
+use insonify_core::needle::Needle;
 use insonify_core::pose::Pose;
 use insonify_core::settings::{Effect, RenderSettings, SettingsGroup as _};
 use insonify_core::transducer::{Probe, Sector};
@@ -48,6 +49,8 @@ pub struct Renderer {
     image: bool,
     /// Time of the scene, s.
     time_s: f64,
+    /// The needle of the next frames; `None` if there is none, or if its place is unknown.
+    needle: Option<Needle>,
     /// Duration of the scene's motion since the last submission, ms.
     motion_ms: f64,
     /// Pictures of all steering angles; `None` without compounding.
@@ -155,6 +158,7 @@ impl Renderer {
             compute_device: backend.compute_device(),
             image: true,
             time_s: 0.0,
+            needle: None,
             motion_ms: 0.0,
             compounding: None,
             kept_pictures: Kept::default(),
@@ -349,6 +353,12 @@ impl Renderer {
             self.move_to(time_s);
             self.motion_ms += started.elapsed().as_secs_f64() * 1e3;
         }
+    }
+
+    /// Sets the place of the needle for frames submitted from now on; `None`: they show none. Without
+    /// [`RenderSettings::needle`], or with a pointer, it has no effect.
+    pub fn set_needle(&mut self, needle: Option<Needle>) {
+        self.needle = needle;
     }
 
     /// Moves the scene to `time_s`, even if the plan excludes motion.

@@ -66,14 +66,19 @@ impl Rules<'_> {
             Effect::ElevationalSpeckle => self.elevational_speckle(),
             Effect::Clutter => self.clutter(),
             Effect::Noise => self.noise(),
+            Effect::Needle => self.needle(),
             Effect::Motion => self.motion(),
             Effect::Maps => self.maps(),
         }
     }
 
-    /// Whether `effect` can be simulated for this probe.
+    /// Whether `effect` can be simulated for this probe and these settings.
     pub(super) fn possible(&self, effect: Effect) -> bool {
-        effect != Effect::Aperture || ApertureTables::possible(self.probe)
+        match effect {
+            Effect::Aperture => ApertureTables::possible(self.probe),
+            Effect::Needle => self.settings.needle.is_some_and(|needle| needle.echoes()),
+            _ => true,
+        }
     }
 
     /// The slowest and the fastest medium; `None` if all speeds are equal. Any difference counts: at grazing incidence
