@@ -2,15 +2,17 @@
 
 use std::sync::Arc;
 
+use insonify_core::anatomy::tissue::NEEDLE;
 use insonify_core::anatomy::{Bvh, Scene, Tissue};
 use insonify_core::settings::Effect;
 use insonify_core::settings::RenderSettings;
 use insonify_core::settings::{Change, Samples, SettingsGroup as _};
 use insonify_core::transducer::Probe;
 
-use super::constants::MOVES;
+use super::constants::{FIRST_TISSUE, MOVES};
 use super::error::RenderError;
 use super::kernels::ClippedKernel;
+use super::needle::NeedleFrame;
 use super::params::{Outside, Params};
 use super::plan::{AIR, EffectPlan, SKIN, SceneFacts};
 use super::tables::Tables;
@@ -24,6 +26,8 @@ pub(super) struct Media {
     pub(super) surface_words: Vec<u32>,
     /// For each surface, whether the probe can touch it: the skin, or all surfaces of a scene without skin.
     pub(super) touched: Vec<bool>,
+    /// Number of the needle's tissue in the segmentation; 0 if the scene's table lacks it.
+    needle: u32,
     /// Whether any triangle moves.
     pub(super) moving: bool,
     /// Scene properties that decide the effect plan.
@@ -43,6 +47,7 @@ impl Media {
             },
             surface_words: scene.surfaces.iter().map(|s| s.tissue as u32 | moves(&s.name)).collect(),
             touched: scene.surfaces.iter().map(|s| !has_skin || Some(s.tissue) == skin).collect(),
+            needle: scene.tissues.index_of(NEEDLE).map_or(0, |index| index as u32 + FIRST_TISSUE),
             moving: !bvh.displacements().is_empty(),
             facts: SceneFacts::new(scene),
         }
@@ -74,6 +79,8 @@ pub(super) struct Configuration {
     pub(super) effects: EffectPlan,
     pub(super) params: Params,
     pub(super) tables: Arc<Tables>,
+    /// The needle of the next frame; `None` without the effect `needle`.
+    pub(super) needle: Option<NeedleFrame>,
 }
 
 impl Configuration {
@@ -91,6 +98,7 @@ impl Configuration {
     ) -> Result<Self, RenderError> {
         probe.validate()?;
         settings.validate()?;
+        settings.needle.iter().try_for_each(|needle| needle.validate())?;
         let effects = media.plan(probe, settings);
         let planned = effects.settings(settings);
         let sampled = probe.sampled(settings.coarse_samples);
@@ -99,11 +107,12 @@ impl Configuration {
             Some(before) => Arc::new(before.tables.with_angles(&sampled, &planned)),
             None => {
                 let known = before.map(|before| &before.tables).into_iter().chain(known);
-                Tables::new(&media.tissues, &sampled, &planned, effects.effects(), known)
+                Tables::new((&media.tissues, media.needle), &sampled, &planned, effects.effects(), known)
             }
         };
         let params = Params::new(media.outside, &sampled, &planned, &tables, effects.effects());
-        Ok(Self { probe: *probe, settings: *settings, effects, params, tables })
+        let needle = tables.needle.as_ref().map(|_| NeedleFrame::without_needle(probe));
+        Ok(Self { probe: *probe, settings: *settings, effects, params, tables, needle })
     }
 
     /// Warns if no pixel lies in the sector, and of each clipped kernel that `previous` did not have.

@@ -59,6 +59,7 @@ mod kernels;
 mod lateral_beam;
 pub mod look;
 mod maker;
+mod needle;
 mod params;
 pub mod plan;
 mod preset;

@@ -171,7 +171,7 @@ impl Params {
         let has_axial_paths = if on.has(Effect::Aperture) {
             several || on.has(Effect::Reflections)
         } else {
-            several && on.has(Effect::Scatterers)
+            several && (on.has(Effect::Scatterers) || on.has(Effect::Needle))
         };
         Self {
             lateral: [0.0; 4],

@@ -26,6 +26,8 @@ pub(super) struct PassBuffers {
     /// `transmission`: complex transmission of each cell [planes × cells], and each plane's smallest loss of any cell.
     pub(super) mask: Vec<[f32; 2]>,
     pub(super) row_np: Vec<f32>,
+    /// `needle_shadow`: the same cells behind the needle; empty without a needle.
+    pub(super) shaded_mask: Vec<[f32; 2]>,
     /// `propagate`: fields, and the first plane that they include.
     pub(super) fields: Vec<f32>,
     pub(super) first_plane: u32,
@@ -48,6 +50,8 @@ pub(super) struct PassBuffers {
     pub(super) baseband: Vec<[f32; 2]>,
     /// Focused baseband before and after `receive` adds to it.
     pub(super) focused: Vec<[f32; 2]>,
+    /// Focused baseband after `needle_echo`; empty without a needle.
+    pub(super) pierced: Vec<[f32; 2]>,
     pub(super) received: Vec<[f32; 2]>,
     pub(super) lines: Vec<[f32; 2]>,
     pub(super) polar: Vec<u32>,
@@ -82,6 +86,8 @@ pub struct Snapshot {
     pub hint_block: usize,
     /// `transmission`; like all outputs up to `block_gains`, empty without the aperture.
     pub transmission: Transmission,
+    /// `needle_shadow`: the transmission's cells with the needle's shadow; the same without a needle.
+    pub shaded_mask: Vec<DVec2>,
     /// `propagate`: field of each mode (a wave along the face) at each cell [modes × planes × cells]. Valid from
     /// `first_plane` on.
     pub fields: Vec<DVec2>,
@@ -108,7 +114,9 @@ pub struct Snapshot {
     pub baseband: Vec<DVec2>,
     /// `lateral`: `baseband` after the lateral point-spread function.
     pub focused: Vec<DVec2>,
-    /// `receive`: `focused` with noise, clutter and reverberation.
+    /// `needle_echo`: `focused` with the echoes of the needle; the same without a needle.
+    pub pierced: Vec<DVec2>,
+    /// `receive`: `pierced` with noise, clutter and reverberation.
     pub received: Vec<DVec2>,
     /// `detect`: `received` after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
@@ -138,7 +146,10 @@ impl Snapshot {
             .map_or((&bvh.triangles[..], bvh.displacements()), |m| (&m.triangles[..], &m.displacements[..]));
         let motion = bvh.motion_tables().zip(moved.as_ref()).map(|(tables, moved)| Motion::new(&tables, moved));
         let effects = configuration.effects.effects();
-        let inputs = Inputs { motion, ..Inputs::new(params, tables, &media.surface_words, triangles, effects, angle) };
+        let needle = configuration.needle.as_ref().map(twin::Needle::new);
+        let has_needle = needle.is_some();
+        let inputs =
+            Inputs { motion, needle, ..Inputs::new(params, tables, &media.surface_words, triangles, effects, angle) };
         let complex = |padded: &[[f32; 2]]| {
             let mut rows = Vec::new();
             unpad(&mut rows, padded, params.samples as usize, params.row_samples as usize);
@@ -163,6 +174,7 @@ impl Snapshot {
             hints: buffers.hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
             hint_block: HINT_BLOCK as usize,
             transmission: transmission_from(&buffers, &inputs),
+            shaded_mask: mask_from(if has_needle { &buffers.shaded_mask } else { &buffers.mask }, &inputs),
             fields: fields_from(&buffers, &inputs),
             first_plane: buffers.first_plane as usize,
             amplitudes: wide(&buffers.amplitudes, of_aperture(&inputs, |a| a.planes * a.beams * a.cells)),
@@ -174,6 +186,7 @@ impl Snapshot {
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
+            pierced: complex(if has_needle { &buffers.pierced } else { &buffers.focused }),
             received: complex(&buffers.received),
             // A device's buffer of lines is shorter if the settings don't ask for lines.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },
@@ -205,9 +218,13 @@ fn wide(values: &[f32], count: usize) -> Vec<f64> {
 
 fn transmission_from(buffers: &PassBuffers, inputs: &Inputs) -> Transmission {
     Transmission {
-        mask: buffers.mask.iter().take(of_aperture(inputs, |a| a.planes * a.cells)).map(complex).collect(),
+        mask: mask_from(&buffers.mask, inputs),
         row_np: wide(&buffers.row_np, of_aperture(inputs, |a| a.planes)),
     }
+}
+
+fn mask_from(mask: &[[f32; 2]], inputs: &Inputs) -> Vec<DVec2> {
+    mask.iter().take(of_aperture(inputs, |a| a.planes * a.cells)).map(complex).collect()
 }
 
 /// Fields as complex numbers; the buffer has real and imaginary parts in separate rows.

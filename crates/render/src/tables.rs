@@ -17,6 +17,7 @@ use super::compounding::steering;
 use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TEXTURE_SHIFT, TILE_ROWS};
 use super::elevation::elevations;
 use super::kernels::Kernels;
+use super::needle::NeedleTables;
 use super::receiver::NearField;
 use super::sheets::Sheets;
 use super::texture::PackedTexture;
@@ -114,6 +115,8 @@ pub(crate) struct Tables {
     pub(crate) aperture: Option<ApertureTables>,
     /// Sheets of scatterers; `None` if the effect `elevational_speckle` is off.
     pub(crate) sheets: Option<Sheets>,
+    /// Beams at the needle; `None` if the effect `needle` is off.
+    pub(crate) needle: Option<NeedleTables>,
     /// Clutter and reverberation near the face. `None` unless effect `contact` or `clutter` is on.
     pub(crate) near_field: Option<NearField>,
     /// Packed position of each pixel on the straight scanlines [height × 4·row_words].
@@ -182,9 +185,10 @@ impl Tables {
         Self { elevations: elevations_of(probe, settings, &angles), angles, made_for, ..self.clone() }
     }
 
-    /// Tables of a probe and settings: a match among `known`, or new ones that reuse single tables of `known`.
+    /// Tables of a probe and settings: a match among `known`, or new ones that reuse single tables of `known`. Tissues
+    /// come with the needle's number in the segmentation.
     pub(crate) fn new<'a>(
-        tissues: &[Tissue],
+        (tissues, needle_tissue): (&[Tissue], u32),
         probe: &Probe,
         settings: &RenderSettings,
         effects: EffectSet,
@@ -230,11 +234,17 @@ impl Tables {
                 (sheets, aperture, kernels)
             }
         };
+        let same_needle = beams.filter(|known| known.made_for.settings.needle == settings.needle);
+        let known_needle = same_needle.and_then(|known| known.needle.clone());
+        let needle = settings.needle.filter(|_| effects.has(Effect::Needle));
+        let needle =
+            needle.map(|needle| known_needle.unwrap_or_else(|| NeedleTables::new(needle, probe, needle_tissue)));
         let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
         let near_field = beams.and_then(|known| known.near_field.clone()).filter(|_| near);
         let new_near = || near.then(|| NearField::new(probe, &kernels.pulse));
         Arc::new(Self {
             near_field: near_field.or_else(new_near),
+            needle,
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
             map_ray_count,

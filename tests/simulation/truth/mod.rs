@@ -5,5 +5,6 @@
 mod edges;
 pub(crate) mod fixtures;
 mod leaving;
+mod needle;
 mod refraction;
 mod shadow;

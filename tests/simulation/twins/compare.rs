@@ -31,6 +31,9 @@ pub(crate) const PASSES: [&str; 18] = [
     "scan_convert",
 ];
 
+/// Passes of frames with a needle, in addition to [`PASSES`].
+pub(crate) const NEEDLE_PASSES: [&str; 3] = ["needle_shadow", "needle_echo", "needle_map"];
+
 /// Relative error of one rounding in f32.
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
@@ -107,6 +110,9 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
         "section" => section(s),
         "percentile" => percentile(s),
         "scan_convert" => scan_convert(s),
+        "needle_shadow" => needle_shadow(s),
+        "needle_echo" => needle_echo(s),
+        "needle_map" => needle_map(s),
         _ => panic!("no pass is called {pass}"),
     }
 }
@@ -217,7 +223,7 @@ fn transmission(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
     let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
-    let twin = twin::propagate(aperture, &s.transmission.mask);
+    let twin = twin::propagate(aperture, &s.shaded_mask);
     let mut tally = Tally::new("propagate", "fields", 0.0);
     for (row, (device, twin)) in
         s.fields.chunks_exact(aperture.cells).zip(twin.chunks_exact(aperture.cells)).enumerate()
@@ -232,7 +238,7 @@ fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
     }
     // A renderer may begin at the first obstacle, not behind it.
     let shaded = |row: &[DVec2]| row.iter().any(|passes| passes.x < 1.0 - 1.0e-4 || passes.y.abs() > 1.0e-2);
-    let obstacle = s.transmission.mask.chunks_exact(aperture.cells).position(shaded).unwrap_or(aperture.planes);
+    let obstacle = s.shaded_mask.chunks_exact(aperture.cells).position(shaded).unwrap_or(aperture.planes);
     tally.add(if s.first_plane <= obstacle { 0.0 } else { f64::NAN });
     tally.finish()
 }
@@ -336,7 +342,7 @@ fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn receive(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("receive", "received baseband", 0.0);
-    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.focused), 1.0e-5);
+    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.pierced), 1.0e-5);
     tally.finish()
 }
 
@@ -386,7 +392,8 @@ fn percentile(s: &Snapshot) -> Result<(), Mismatch> {
 }
 
 fn scan_convert(s: &Snapshot) -> Result<(), Mismatch> {
-    let twin = twin::scan_convert(&s.inputs, &s.grey, &s.sections.raster, s.percentile_np);
+    let mut twin = twin::scan_convert(&s.inputs, &s.grey, &s.sections.raster, s.percentile_np);
+    twin::needle_map(&s.inputs, &mut twin.segmentation);
     // The nearest level, or its neighbour at a tie.
     let mut grey = Tally::new("scan_convert", "B-mode", 0.0);
     let mut tissue = Tally::new("scan_convert", "segmentation", 0.001);
@@ -399,4 +406,44 @@ fn scan_convert(s: &Snapshot) -> Result<(), Mismatch> {
     grey.finish()?;
     tissue.finish()?;
     level.finish()
+}
+
+fn needle_shadow(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut twin = s.transmission.mask.clone();
+    twin::needle_shadow(&s.inputs, &mut twin);
+    let mut tally = Tally::new("needle_shadow", "cells", 0.0);
+    for (device, twin) in s.shaded_mask.iter().zip(&twin) {
+        tally.add((*device - *twin).length() / 1.0e-6);
+    }
+    if s.inputs.aperture.is_some() { tally.finish() } else { Ok(()) }
+}
+
+fn needle_echo(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut twin = s.focused.clone();
+    twin::needle_echo(&s.inputs, &s.paths, &s.line_gains, &mut twin);
+    // Only samples with an echo; a few echoes may round to the neighbouring sample.
+    let mut tally = Tally::new("needle_echo", "samples with echoes", 0.005);
+    for ((before, device), twin) in s.focused.iter().zip(&s.pierced).zip(&twin) {
+        if before != device || before != twin {
+            // Echoes of one sample may cancel, so errors are relative to an echo of the diffuse shaft.
+            let scale = before.length() + (*twin - *before).length() + 1.0e-6;
+            tally.add((*device - *twin).length() / (scale * (1.0e-3 + phase_tolerance(s))));
+        }
+    }
+    tally.finish()
+}
+
+fn needle_map(s: &Snapshot) -> Result<(), Mismatch> {
+    let needle = s.inputs.needle.as_ref().unwrap();
+    let mut twin = twin::scan_convert(&s.inputs, &s.grey, &s.sections.raster, s.percentile_np).segmentation;
+    twin::needle_map(&s.inputs, &mut twin);
+    // A pixel's centre on the outline may count or not.
+    let mut tally = Tally::new("needle_map", "pixels", 0.02);
+    for (&device, &twin) in s.segmentation.iter().zip(&twin) {
+        let shown = [device, twin].map(|tissue| tissue == needle.tissue());
+        if shown.contains(&true) {
+            tally.add(if shown[0] == shown[1] { 0.0 } else { f64::NAN });
+        }
+    }
+    tally.finish()
 }

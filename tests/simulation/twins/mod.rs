@@ -11,6 +11,7 @@ mod host;
 mod image_on_host;
 mod many;
 mod moving;
+mod needle;
 mod reconfigure;
 mod scenes;
 mod trace_by;

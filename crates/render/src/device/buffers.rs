@@ -4,6 +4,7 @@ use insonify_core::anatomy::Bvh;
 
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
+use super::needle_buffers::NeedleBuffers;
 use crate::batch_plan::{BatchPlan, PATH_BYTES};
 use crate::constants::{BLOCK_QUADS, DELAY_STEPS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::error::BackendError;
@@ -76,6 +77,7 @@ pub(crate) struct Buffers {
     pub(super) polar: wgpu::Buffer,
     pub(super) lines: wgpu::Buffer,
     pub(super) aperture: ApertureBuffers,
+    pub(super) needle: NeedleBuffers,
     pub(super) kept_powers: wgpu::Buffer,
     pub(super) entries: wgpu::Buffer,
     pub(super) entry_counts: wgpu::Buffer,
@@ -160,6 +162,7 @@ impl Buffers {
             polar: part("polar image", u64::from(params.levels_per_sample) * samples * 4, |b| &b.polar)?,
             lines: part("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
             aperture: ApertureBuffers::new(gpu, tables, params, plan, previous.map(|b| &b.aperture), frames)?,
+            needle: NeedleBuffers::new(gpu, tables, params.scanlines)?,
             kept_powers: part("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
                 &b.kept_powers
             })?,

@@ -144,7 +144,9 @@ fn in_rows(groups: u32) -> [u32; 3] {
 fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
     let FrameBuilder { gpu, scene, buffers: b, batches: plan, .. } = *frame;
     let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
-    let (on, in_software, a) = (effects.effects(), frame.pipelines.in_software(gpu), &b.aperture);
+    let (on, in_software) = (effects.effects(), frame.pipelines.in_software(gpu));
+    let (a, needle) = (&b.aperture, &b.needle);
+    let has_needle = on.has(Effect::Needle);
     let (largest, last, midway) = (plan.params(0, params), plan.batches - 1, params.levels_per_sample == 2);
     let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
     let aperture = ("APERTURE", f64::from(on.has(Effect::Aperture)));
@@ -171,6 +173,9 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
                 frame.run(Transmission, batch, [planes, cells.div_ceil(64), 1], &[("ROWS", 0.0)], &transmission)?;
             }
             frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
+            if has_needle {
+                frame.run(NeedleShadow, last, [cells.div_ceil(64), 1, 1], &[], &[&needle.shadows, &a.mask])?;
+            }
             // Fields of the modes (waves along the face) in each depth plane, amplitudes of the beams that they sum to,
             // and the beams' profiles.
             frame.run(Propagate, last, [t.modes.len() as u32, 1, 1], &[],
@@ -222,12 +227,18 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
         frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
     }
-    // Image: lateral point-spread function, additions of the receiver, then pulse, envelope and log compression.
+    // Image: lateral point-spread function, echoes of the needle, additions of the receiver, then pulse, envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", f64::from(steered))],
             &[&b.lateral_kernels, &b.baseband, &b.focused, &a.block_gains, &a.shape, &a.profiles, &a.blends,
                 &b.kernel_spans, &a.reflected])?;
+        if has_needle {
+            frame.run(NeedleEcho, last, [params.scanlines.div_ceil(16), 1, 1],
+                &[aperture, ("BETWEEN", f64::from(midway))],
+                &[&b.starts, &b.segments, &needle.starts, &needle.echoes, &a.shape, &a.line_gains, &b.focused,
+                    &b.delays])?;
+        }
         if params.receives() {
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }
@@ -239,5 +250,10 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     // From scanlines to pixels.
     frame.run(ScanConvert, last, [params.sector_words.div_ceil(128), 1, 1], &[("MAPS", f64::from(contents.maps))],
         &[&b.pixels, &b.polar, &b.raster, &b.percentile, &b.tissues, &b.bmode, &b.segmentation, &b.attenuation,
-            &b.sector_words])
+            &b.sector_words])?;
+    if has_needle && contents.maps {
+        frame.run(NeedleMap, last, [params.image.height.div_ceil(64), 1, 1], &[],
+            &[&needle.outline, &b.segmentation])?;
+    }
+    Ok(())
 }

@@ -12,6 +12,7 @@ mod gpu;
 #[cfg(feature = "test-hooks")]
 mod hang;
 mod motion;
+mod needle_buffers;
 mod passes;
 mod readback;
 mod renderer;

@@ -148,6 +148,9 @@ impl DeviceRenderer {
         let started = Instant::now();
         let device = if several { self.several.as_ref().unwrap_or(&self.active) } else { &self.active };
         upload_uniforms(&self.gpu, &mut self.uniforms, device, params);
+        if let Some(needle) = &inputs.configuration.needle {
+            device.buffers.needle.upload(&self.gpu, needle, &mut self.uniforms);
+        }
         let mut encoder = begin(&self.gpu, device, inputs);
         let slot = |frame: usize| &device.slots[(self.next_slot + frame) % device.slots.len()];
         let mut timed = Vec::new();
@@ -315,6 +318,9 @@ impl FrameMaker for DeviceRenderer {
             return Err(RenderError::Batches { batches });
         }
         upload_uniforms(&self.gpu, &mut self.uniforms, &self.active, &[inputs.configuration.params]);
+        if let Some(needle) = &inputs.configuration.needle {
+            self.active.buffers.needle.upload(&self.gpu, needle, &mut self.uniforms);
+        }
         let mut encoder = begin(&self.gpu, &self.active, inputs);
         if let Some(motion) = &mut self.motion {
             motion.run(&self.gpu, |name, record| {

@@ -74,6 +74,7 @@ shaders! {
     TraceByLanes of "trace": "params" "segment" "tissue" "hash" "lattice" "interface" "bvh" "surfaces" "crossings" "nearest"
         "nearest_by_lanes" "collect" "collect_by_lanes" "launch" "path_by_lanes";
     Transmission of "transmission": "params" "segment" "aperture" "loss" "phasor" "launch";
+    NeedleShadow of "needle_shadow": "params";
     Propagate of "propagate": "params" "aperture" "phasor";
     Beams of "beams": "params" "aperture" "phasor";
     Profiles of "profiles": "params" "aperture";
@@ -84,11 +85,13 @@ shaders! {
     /// `echo` with one thread per scanline, for software.
     EchoByLine of "echo": "params" "segment" "phasor" "aperture" "loss" "line_gain" "echo_by_line";
     Lateral of "lateral": "params" "aperture" "phasor";
+    NeedleEcho of "needle_echo": "params" "segment" "phasor" "aperture" "loss" "line_gain";
     Receive of "receive": "params" "segment" "hash" "lattice" "loss";
     Detect of "detect": "params";
     Section of "section": "params" "tissue" "bvh" "node_alone" "surfaces" "crossings" "collect" "collect_alone";
     Percentile of "percentile": "params";
     ScanConvert of "scan_convert": "params" "tissue";
+    NeedleMap of "needle_map": "params";
 }
 
 /// Declaration of a frame's parameters. The passes that move the scene have none.

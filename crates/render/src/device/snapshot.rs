@@ -79,14 +79,22 @@ pub(super) fn pass_buffers(
         gpu.queue.submit([encoder.finish()]);
     };
     let encoder_after = || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    // `echo` and `receive` change their input in place, so it is read back before they run.
+    // `needle_shadow`, `echo`, `needle_echo` and `receive` change their input in place, so it is read back before they
+    // run.
+    let shades = before(&[Shader::NeedleShadow, Shader::Propagate, Shader::March]);
     let scatters = before(&[Shader::Echo, Shader::EchoByLine, Shader::Lateral]);
-    let focuses = before(&[Shader::Receive, Shader::Detect]);
-    submit(encoder, &dispatches[..scatters]);
+    let focuses = before(&[Shader::NeedleEcho, Shader::Receive, Shader::Detect]);
+    let receives = before(&[Shader::Receive, Shader::Detect]);
+    let shades = shades.min(scatters);
+    submit(encoder, &dispatches[..shades]);
+    let mask = read(gpu, &buffers.aperture.mask)?;
+    submit(encoder_after(), &dispatches[shades..scatters]);
     let scattered = read(gpu, &buffers.baseband)?;
     submit(encoder_after(), &dispatches[scatters..focuses]);
     let focused = read(gpu, &buffers.focused)?;
-    submit(encoder_after(), &dispatches[focuses..]);
+    submit(encoder_after(), &dispatches[focuses..receives]);
+    let pierced = read(gpu, &buffers.focused)?;
+    submit(encoder_after(), &dispatches[receives..]);
     let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
     Ok(PassBuffers {
         scattered,
@@ -98,6 +106,7 @@ pub(super) fn pass_buffers(
         hints: read(gpu, &buffers.hints)?,
         baseband: read(gpu, &buffers.baseband)?,
         focused,
+        pierced,
         received: read(gpu, &buffers.focused)?,
         couplings: read(gpu, &buffers.couplings)?,
         lines: read(gpu, &buffers.lines)?,
@@ -110,7 +119,8 @@ pub(super) fn pass_buffers(
         segmentation: image(gpu, &buffers.segmentation, params)?,
         attenuation: image(gpu, &buffers.attenuation, params)?.into_iter().map(level).collect(),
         overflows: first(read(gpu, &buffers.overflows)?) + first(read(gpu, &buffers.map_overflows)?),
-        mask: read(gpu, &buffers.aperture.mask)?,
+        mask,
+        shaded_mask: read(gpu, &buffers.aperture.mask)?,
         row_np: read(gpu, &buffers.aperture.row_np)?,
         fields: read(gpu, &buffers.aperture.fields)?,
         first_plane: 0,

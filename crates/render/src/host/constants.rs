@@ -105,6 +105,12 @@ changeable! {
         visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
         /// `lateral`: least weight that counts; smaller weights are denormal.
         least_weight: f32 = f32::MIN_POSITIVE;
+        /// `needle_shadow`: factor of the amplitude that passes the needle.
+        needle_transmission: f32 = 1.0;
+        /// `needle_echo`: factor of the echoes.
+        needle_amplitude: f32 = 1.0;
+        /// `needle_map`: factor of the radius.
+        needle_radius: f32 = 1.0;
         /// `receive`: factor of the noise, clutter and reverberation that are added.
         added: f32 = 1.0;
         /// `detect`: decibels of a doubling of power.

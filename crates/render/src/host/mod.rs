@@ -33,6 +33,7 @@
 //! | `trace/` | `locate` and `trace` as one |
 //! | `aperture/` | `transmission`, `propagate`, `beams`, `profiles`, `visibility` |
 //! | `scatter/` | `march`, `echo` |
+//! | `needle/` | `needle_shadow`, `needle_echo`, `needle_map` |
 //! | `image/` | `lateral`, `receive`, `detect`, `section`, `percentile`, `scan_convert` |
 //!
 //! Multiplications and additions are not fused, and sums have a fixed order. So frames depend neither on the
@@ -44,6 +45,7 @@ mod constants;
 mod effects;
 mod image;
 mod lanes;
+mod needle;
 mod paths;
 mod processor;
 mod renderer;

@@ -23,6 +23,7 @@ use super::image::percentile::percentile;
 use super::image::receive::receive;
 use super::image::scan_convert::{Image, Maps, scan_convert};
 use super::image::section::{self, Section, section};
+use super::needle;
 use super::paths::Paths;
 use super::scatter::echo::{Interfaces, echo};
 use super::scatter::march::{Marched, Scatterers, march};
@@ -66,8 +67,11 @@ pub(crate) struct HostRenderer {
 struct Intermediate {
     /// Baseband before the interfaces' echoes are added.
     scattered: Vec<[f32; 2]>,
-    /// Focused baseband before the receiver adds to it.
+    /// Transmission of the scan plane before the needle's shadow.
+    mask: Vec<[f32; 2]>,
+    /// Focused baseband before the needle's echoes, and before the receiver adds to it.
     focused: Vec<[f32; 2]>,
+    pierced: Vec<[f32; 2]>,
 }
 
 /// Stopwatch for consecutive passes.
@@ -111,23 +115,33 @@ impl HostRenderer {
     ) {
         frame.times.passes.clear();
         let mut laps = Laps { last: Instant::now(), times: &mut frame.times };
-        let Contents { image, maps } = contents;
+        let Contents { image, maps: maps_wanted } = contents;
         let (params, tables) = (&inputs.configuration.params, &inputs.configuration.tables);
         frame.overflows = 0;
         if image {
-            frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut().map(|kept| &mut kept.scattered));
+            frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut());
             let (kernels, constants) = (&tables.kernels, self.image);
             let Buffers { passes: b, gain, amplitudes, batches, .. } = &mut self.buffers;
             let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
             let beam = LateralBeam { constants, kernels, gains, reflected: &b.reflected, weights, blends };
             lateral(params, beam, &b.baseband, amplitudes, &mut b.focused);
             laps.note("lateral");
-            if let Some(kept) = kept {
+            let last = batches.params(batches.batches - 1, params);
+            let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
+            if let Some(kept) = kept.as_deref_mut() {
                 kept.focused.clone_from(&b.focused);
             }
+            if let Some(frame) = &inputs.configuration.needle {
+                let gains = tables.aperture.as_ref().map(|tables| ApertureGains { tables, lines: &b.line_gains });
+                let (aperture_gains, delays) = (gains.as_ref(), &kernels.delays[..]);
+                let needle = needle::echo::Needle { frame, paths, aperture_gains, delays };
+                needle::echo::needle_echo(&last, constants, needle, &mut b.focused);
+                laps.note("needle_echo");
+            }
+            if let Some(kept) = kept {
+                kept.pierced.clone_from(&b.focused);
+            }
             if params.receives() {
-                let last = batches.params(batches.batches - 1, params);
-                let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
                 let near = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
                 receive(&last, constants, paths, near, &mut b.focused);
                 laps.note("receive");
@@ -135,7 +149,7 @@ impl HostRenderer {
             detect(params, constants, kernels, gain, &b.focused, &mut b.polar, &mut b.lines);
             laps.note("detect");
         }
-        if maps {
+        if maps_wanted {
             frame.overflows += self.cut_section(inputs, &mut laps);
         }
 
@@ -143,15 +157,15 @@ impl HostRenderer {
         let pixels = params.image.width as usize * params.image.height as usize;
         (frame.width, frame.height) = (params.image.width, params.image.height);
         frame.bmode.resize(pixels, 0);
-        frame.segmentation.resize(if maps { pixels } else { 0 }, 0);
-        frame.attenuation.resize(if maps { pixels } else { 0 }, 0.0);
-        frame.attenuation_p98 = if maps { (-b.percentile_np).exp() } else { 0.0 };
+        frame.segmentation.resize(if maps_wanted { pixels } else { 0 }, 0);
+        frame.attenuation.resize(if maps_wanted { pixels } else { 0 }, 0.0);
+        frame.attenuation_p98 = if maps_wanted { (-b.percentile_np).exp() } else { 0.0 };
         let into = Image {
             bmode: &mut frame.bmode,
             segmentation: &mut frame.segmentation,
             attenuation: &mut frame.attenuation,
         };
-        let maps = maps.then_some(Maps {
+        let maps = maps_wanted.then_some(Maps {
             raster: &b.raster,
             percentile_np: b.percentile_np,
             rates_np_mm,
@@ -171,6 +185,10 @@ impl HostRenderer {
         if !image {
             frame.bmode.clear();
         }
+        if let (Some(needle), true) = (&inputs.configuration.needle, maps_wanted) {
+            let (width, height) = (frame.width, frame.height);
+            needle::map::needle_map(self.image, &needle.outline, width, height, &mut frame.segmentation);
+        }
         laps.note("scan_convert");
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
     }
@@ -180,7 +198,7 @@ impl HostRenderer {
         &mut self,
         inputs: FrameInputs<'_>,
         laps: &mut Laps<'_>,
-        mut scattered: Option<&mut Vec<[f32; 2]>>,
+        mut kept: Option<&mut Intermediate>,
     ) -> u32 {
         let FrameInputs { configuration, .. } = inputs;
         let (tables, effects) = (&configuration.tables, configuration.effects.effects());
@@ -194,7 +212,7 @@ impl HostRenderer {
             for batch in 0..batches.batches {
                 let params = batches.params(batch, &configuration.params);
                 lost += self.trace_batch(inputs, &params, laps);
-                self.see_through(configuration, &params, laps);
+                self.see_through(configuration, &params, laps, kept.as_deref_mut());
             }
         }
         for batch in 0..batches.batches {
@@ -218,8 +236,8 @@ impl HostRenderer {
                 march(&params, paths, scatterers, into);
                 laps.note("march");
             }
-            if let Some(scattered) = &mut scattered {
-                scattered.clone_from(&b.baseband);
+            if let Some(kept) = &mut kept {
+                kept.scattered.clone_from(&b.baseband);
             }
             if effects.has(Effect::InterfaceEchoes) {
                 let (echoes, segment_counts) = (&b.echoes, &b.segment_counts);
@@ -260,7 +278,13 @@ impl HostRenderer {
 
     /// Adds a batch's paths to the transmission of the scan plane. After the last batch, computes the aperture's gain
     /// along the scanlines.
-    fn see_through(&mut self, configuration: &Configuration, params: &Params, laps: &mut Laps<'_>) {
+    fn see_through(
+        &mut self,
+        configuration: &Configuration,
+        params: &Params,
+        laps: &mut Laps<'_>,
+        kept: Option<&mut Intermediate>,
+    ) {
         let Buffers { passes: b, aperture, .. } = &mut self.buffers;
         let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
         let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
@@ -271,6 +295,13 @@ impl HostRenderer {
         laps.note("transmission");
         if params.layer_first + params.layer_count < params.layers {
             return;
+        }
+        if let Some(kept) = kept {
+            kept.mask.clone_from(&b.mask);
+        }
+        if let Some(needle) = &configuration.needle {
+            needle::shadow::needle_shadow(self.image, &needle.shadows, &mut b.mask);
+            laps.note("needle_shadow");
         }
         let first = first_plane(self.image, tables, &b.mask);
         b.first_plane = first as u32;
@@ -382,14 +413,17 @@ impl FrameMaker for HostRenderer {
         }
         let (mut frame, mut kept) = (Frame::default(), Intermediate::default());
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
-        let Intermediate { scattered, focused } = kept;
+        let Intermediate { scattered, mask, focused, pierced } = kept;
         let received = self.buffers.passes.focused.clone();
         let fields = &self.buffers.passes.fields;
         let by_mode = |tables| by_mode(tables, fields);
         Ok(PassBuffers {
             fields: inputs.configuration.tables.aperture.as_ref().map_or_else(Vec::new, by_mode),
+            shaded_mask: self.buffers.passes.mask.clone(),
+            mask,
             scattered,
             focused,
+            pierced,
             received,
             bmode: frame.bmode,
             segmentation: frame.segmentation,

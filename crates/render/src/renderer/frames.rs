@@ -13,6 +13,7 @@ use crate::angle_order::{Place, Rules};
 use crate::configuration::FrameInputs;
 use crate::error::RenderError;
 use crate::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
+use crate::needle::View;
 use crate::receiver::noise_seed;
 use crate::snapshot::Snapshot;
 
@@ -136,12 +137,22 @@ impl Renderer {
         Placed { pose, contact, place: Place::new(at_rest, active.probe.depth_mm, coupled) }
     }
 
-    /// Sets the uniforms of a frame: pose, steering angle and seed of the noise.
+    /// Sets what changes with a frame: pose, steering angle, needle and seed of the noise.
     pub(super) fn aim(&mut self, placed: &Placed, angle: usize) {
         let active = &mut self.active;
         active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
         active.params.set_angle(&active.tables, angle);
         // Each angle has its own noise. The straight angle, the last one, has the noise of a frame without compounding.
+        if let (Some(tables), Some(frame)) = (&active.tables.needle, &mut active.needle) {
+            let view = View {
+                probe: &active.probe,
+                aperture: active.tables.aperture.as_ref(),
+                sector: &active.tables.sector,
+                scene_from_probe: &placed.pose,
+                steer_rad: active.tables.angles.get(angle).map_or(0.0, |angle| angle.steer_rad),
+            };
+            frame.place(tables, view, self.needle.as_ref());
+        }
         let before_last = active.tables.angles.len().saturating_sub(1 + angle);
         active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
     }

@@ -138,6 +138,10 @@ impl Renderer {
 
     /// Best number of frames in one group of the device.
     fn frames_at_once(&mut self) -> usize {
+        // Each frame has its own table of the needle.
+        if self.active.needle.is_some() {
+            return 1;
+        }
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
         self.maker.at_once(inputs).max(1)
     }

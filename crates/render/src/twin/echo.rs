@@ -47,18 +47,27 @@ fn add(
         let gain = gain.filter(|_| !path.segments[arrived].has_reflected);
         let gain = gain.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
         let value = weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);
-        let row = &mut baseband[line * inputs.samples..][..inputs.samples];
-        if inputs.delays.is_empty() {
-            row[sample as usize] += value;
-            return;
-        }
-        // Samples are centred half a spacing after their number.
-        let before = (sample - 0.5).floor();
-        for (tap, weight) in inputs.delay_weights(sample - 0.5 - before).into_iter().enumerate() {
-            let at = before + tap as f64 - 1.0;
-            if (0.0..inputs.samples as f64).contains(&at) {
-                row[at as usize] += weight * value;
-            }
+        spread(inputs, segment.echo_range_mm, value, &mut baseband[line * inputs.samples..][..inputs.samples]);
+    }
+}
+
+/// Adds an echo at a range to a scanline: at the sample that holds the range, or spread over the samples around it. A
+/// range beyond the scanline adds nothing.
+pub(super) fn spread(inputs: &Inputs, range_mm: f64, value: DVec2, row: &mut [DVec2]) {
+    let sample = range_mm / inputs.sample_spacing_mm;
+    if !(0.0..inputs.samples as f64).contains(&sample) {
+        return;
+    }
+    if inputs.delays.is_empty() {
+        row[sample as usize] += value;
+        return;
+    }
+    // Samples are centred half a spacing after their number.
+    let before = (sample - 0.5).floor();
+    for (tap, weight) in inputs.delay_weights(sample - 0.5 - before).into_iter().enumerate() {
+        let at = before + tap as f64 - 1.0;
+        if (0.0..inputs.samples as f64).contains(&at) {
+            row[at as usize] += weight * value;
         }
     }
 }

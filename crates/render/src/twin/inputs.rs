@@ -7,6 +7,7 @@ use insonify_core::settings::{Effect, EffectSet, ImageUniforms};
 use super::aperture::Aperture;
 use super::medium::Medium;
 use super::motion::Motion;
+use super::needle::Needle;
 use crate::constants::{DEPTH_BLOCK, KRONECKER, MOVES, PROJECTION_MIN, PULSE_PAD, TISSUE_MASK};
 use crate::params::Params;
 use crate::tables::{Tables, unpack_place};
@@ -181,6 +182,8 @@ pub struct Inputs {
     pub face_radius_mm: Option<f64>,
     /// Tables of the aperture; `None` if its effect is off or the probe has none.
     pub aperture: Option<Aperture>,
+    /// The frame's needle; `None` without the effect `needle`.
+    pub needle: Option<Needle>,
     /// Straight rays along which the maps of tissue and attenuation are computed.
     pub map_rays: Vec<Ray>,
     /// Number of depths per map ray.
@@ -304,6 +307,7 @@ impl Inputs {
             image: params.image,
             face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
             aperture: tables.aperture.as_ref().map(|tables| Aperture::new(tables, params.samples)),
+            needle: None,
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),

@@ -6,8 +6,9 @@
 //!
 //! ```text
 //! displace → assemble → refit ┐
-//! locate → trace → transmission → propagate → beams → profiles → visibility → march → echo → lateral → receive → detect ┐
-//!                                                                                       section → percentile ┴→ scan_convert
+//! locate → trace → transmission → needle_shadow → propagate → beams → profiles → visibility → march → echo → lateral
+//!        → needle_echo → receive → detect ┐
+//!                    section → percentile ┴→ scan_convert → needle_map
 //! ```
 
 mod aperture;
@@ -24,6 +25,7 @@ mod locate;
 mod march;
 mod medium;
 mod motion;
+mod needle;
 mod percentile;
 mod profiles;
 mod propagate;
@@ -51,6 +53,7 @@ pub use locate::{Launched, locate};
 pub use march::{march, reflected};
 pub use medium::Medium;
 pub use motion::{Below, Child, Motion, Node, Vertex};
+pub use needle::{Needle, NeedleEcho, needle_echo, needle_map, needle_shadow};
 pub use percentile::percentile;
 pub use profiles::{Profile, profiles};
 pub use propagate::propagate;
@@ -70,7 +73,8 @@ pub use visibility::{BlockGain, Boundary, block_gains, visibility};
 pub fn frame(inputs: &Inputs) -> Maps {
     let paths = trace(inputs, &locate(inputs));
     let beams = inputs.aperture.as_ref().map(|aperture| {
-        let Transmission { mask, row_np } = transmission(inputs, aperture, &paths);
+        let Transmission { mut mask, row_np } = transmission(inputs, aperture, &paths);
+        needle_shadow(inputs, &mut mask);
         let amplitudes = amplitudes(aperture, &propagate(aperture, &mask));
         let powers = powers(aperture, &amplitudes);
         let profiles = profiles(inputs, aperture, 0, &amplitudes);
@@ -82,9 +86,13 @@ pub fn frame(inputs: &Inputs) -> Maps {
     let of_blocks =
         inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &paths, &gains)).unwrap_or_default();
     let reflected = reflected(inputs, &paths, &gains);
-    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &reflected, &profiles, &baseband));
+    let mut focused = lateral(inputs, &of_blocks, &reflected, &profiles, &baseband);
+    needle_echo(inputs, &paths, &gains, &mut focused);
+    let received = receive(inputs, &paths, &focused);
     let detected = detect(inputs, &received);
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);
-    scan_convert(inputs, &detected.grey, &sections.raster, percentile_np)
+    let mut maps = scan_convert(inputs, &detected.grey, &sections.raster, percentile_np);
+    needle_map(inputs, &mut maps.segmentation);
+    maps
 }

@@ -135,7 +135,7 @@ impl<'a> ApertureGain<'a> {
     /// ln of the two-way gain of scatterers at a range. `loss_np` is the axial path's loss up to that range, one-way
     /// nepers.
     #[inline(always)]
-    fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
+    pub(in crate::host) fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
         let (interval, lost, position) = self.tracked(range_mm, loss_np);
         self.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }

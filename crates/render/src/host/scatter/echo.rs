@@ -29,6 +29,19 @@ struct Place {
     part: f32,
 }
 
+impl Place {
+    /// Place of an echo at a fractional index of samples.
+    #[inline(always)]
+    fn at(sample: f32) -> Self {
+        // Samples are centred half a spacing after their number. Ranges beyond every sample are not added.
+        let index = at_most(sample, SAMPLES_BEYOND) - 0.5;
+        let before = floor(index);
+        let step = (index - before as f32) * DELAY_STEPS as f32;
+        let low = floor(step);
+        Self { first: (before as u32).wrapping_sub(1), step: low as u32, part: step - low as f32 }
+    }
+}
+
 /// Inputs of the pass.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Interfaces<'a> {
@@ -100,14 +113,8 @@ impl Echoes {
     #[inline(always)]
     fn place(&mut self, first: usize) {
         for i in first..first + LANES {
-            // Samples are centred half a spacing after their number. Ranges beyond every sample are not added.
-            let index = at_most(self.sample[i], SAMPLES_BEYOND) - 0.5;
-            let before = floor(index);
-            let step = (index - before as f32) * DELAY_STEPS as f32;
-            let low = floor(step);
-            self.first[i] = (before as u32).wrapping_sub(1);
-            self.step[i] = low as u32;
-            self.part[i] = step - low as f32;
+            let place = Place::at(self.sample[i]);
+            (self.first[i], self.step[i], self.part[i]) = (place.first, place.step, place.part);
         }
     }
 
@@ -129,6 +136,25 @@ impl Echoes {
                 *at = [at[0] + value[0], at[1] + value[1]];
             }
         }
+    }
+}
+
+/// Adds an echo at a range to a scanline: to the samples around its place, or to the nearest sample if `delays` is empty.
+pub(in crate::host) fn add_at(
+    params: &Params,
+    range_mm: f32,
+    value: [f32; 2],
+    delays: &[[f32; TAPS]],
+    row: &mut [[f32; 2]],
+) {
+    let sample = range_mm / params.sample_spacing_mm;
+    if !(0.0..row.len() as f32).contains(&sample) {
+        return;
+    }
+    if let Some(delays) = delays.first_chunk() {
+        add_between(Place::at(sample), value, delays, row);
+    } else if let Some(at) = row.get_mut(sample as usize) {
+        *at = [at[0] + value[0], at[1] + value[1]];
     }
 }
 
