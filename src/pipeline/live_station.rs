@@ -26,7 +26,7 @@ use crate::sink::openigtlink::OpenIgtLink;
 use crate::sink::{FrameRate, LiveVideo};
 use crate::sink::{LiveSinkKind, NullSink, PngSequence, SinkError};
 use crate::station::Station;
-use crate::tracker::{self, ProbeSensor, Protocol, TrackerError};
+use crate::tracker::{self, TrackerError, TrackerStream};
 
 /// Reason why a station's session cannot begin.
 #[derive(Debug, Error)]
@@ -114,7 +114,7 @@ impl LiveStation {
     }
 
     /// Records the session to `path`: tracker bytes, poses, settings and events. `stream` holds the tracker's protocol
-    /// and the choice of the probe's sensor; `adapter` names the rendering device. The returned slot holds the result
+    /// and the sensors of its tools; `adapter` names the rendering device. The returned slot holds the result
     /// after the session. Call this before [`Self::track`].
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl LiveStation {
         &mut self,
         path: &Path,
         station: &Station,
-        stream: (Protocol, Option<ProbeSensor>),
+        stream: TrackerStream,
         adapter: &str,
     ) -> Result<RecordedSlot, LiveError> {
         let began_ns = self.parts.clock.start_unix_ns();

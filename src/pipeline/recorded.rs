@@ -17,7 +17,7 @@ use crate::recording::{
 use crate::settings::{Control, LiveSettings};
 use crate::sink::{SinkError, create_dir};
 use crate::station::{SceneIdentity, Station};
-use crate::tracker::{ProbeSensor, Protocol};
+use crate::tracker::TrackerStream;
 
 /// Name of the events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
@@ -85,15 +85,15 @@ pub enum RecordError {
 }
 
 /// Starts a recording of `station`'s session at `path`, with the text of the station file. In a replay, scene time is
-/// 0 at `start_time_ns`. The pair holds the protocol of the tracker's bytes and the choice of the probe's sensor.
-/// `device` names the tracker, `adapter` the rendering device.
+/// 0 at `start_time_ns`. `stream` holds the protocol of the tracker's bytes and the sensors of its tools. `device` names
+/// the tracker, `adapter` the rendering device.
 ///
 /// # Errors
 /// The station file can't be read, or the recording can't be written.
 pub fn start_recorder(
     path: &Path,
     station: &Station,
-    (protocol, sensor): (Protocol, Option<ProbeSensor>),
+    stream: TrackerStream,
     device: &str,
     adapter: &str,
     start_time_ns: u64,
@@ -104,7 +104,8 @@ pub fn start_recorder(
         create_dir(directory)?;
     }
     let scene = SceneIdentity::of(station).to_string();
-    let info = RecordingInfo { protocol, device: device.to_owned(), scene, start_time_ns, sensor };
+    let TrackerStream { protocol, sensor, needle } = stream;
+    let info = RecordingInfo { protocol, device: device.to_owned(), scene, start_time_ns, sensor, needle };
     let mut writer = RecordingWriter::create(path, &info)?;
     writer.settings(&SessionSettings {
         version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -71,7 +71,7 @@ impl TrackedPoses {
         stop: Stop,
     ) -> Result<TrackerPart, TrackerError> {
         let cancel = CancellationToken::new();
-        let rates = stream_of(settings)?.0 == Protocol::SpaceMouse;
+        let rates = stream_of(settings)?.protocol == Protocol::SpaceMouse;
         let listener = TrackerListener { estimator: self.0.clone(), watch: self.watch(), recorder, stop, rates };
         let session = spawn(settings, Box::new(listener), cancel.clone())?;
         Ok(TrackerPart { session, cancel })

@@ -28,6 +28,7 @@ fn info() -> RecordingInfo {
         scene: "none".into(),
         start_time_ns: START_NS,
         sensor: None,
+        needle: None,
     }
 }
 
@@ -310,7 +311,7 @@ fn a_session_returns_its_poses_settings_and_values() {
                 measurements += 1;
             }
             Item::Pose(pose) => session_poses.push(pose),
-            Item::Event(_) => {}
+            Item::Event(_) | Item::NeedleMeasurement(_) | Item::NeedlePose(_) => {}
         }
     }
     assert_eq!((measurements, session_poses.len()), (150, 150));

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::ReplayError;
 use crate::pipeline::replayed::ReplayedControls;
 use crate::pose::{TimedPose, TrackingState};
-use crate::recording::{RecordingReader, RecordingSummary, calibration_for, read_both};
+use crate::recording::{RecordedTools, RecordingReader, RecordingSummary, ToolPoses, calibration_for, read_tools};
 use crate::settings::LiveSettings;
 use crate::station::Station;
 
@@ -31,7 +31,8 @@ impl RecordedExam {
     /// # Errors
     /// A recording or calibration that can't be read, or no pose.
     pub fn read(path: &Path, station: &Station) -> Result<Self, ReplayError> {
-        let (raw, used, summary) = read_both(RecordingReader::open(path)?)?;
+        let RecordedTools { probe: ToolPoses { measured: raw, used }, summary, .. } =
+            read_tools(RecordingReader::open(path)?)?;
         summary.warn_of_damage(path);
         let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
             let calibration = calibration_for(path, &summary, station.pose_settings()?.calibration);

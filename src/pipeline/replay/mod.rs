@@ -21,7 +21,7 @@ use crate::chooser::{StillQuality, choose_still};
 use crate::look::{Look, Shape};
 use crate::measuring::scene_name;
 use crate::pose::{Estimator, Pose};
-use crate::recording::{self, Event, RecordingSummary};
+use crate::recording::{self, Event, RecordedMeasurements, RecordingSummary};
 use crate::render::{Backend, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::{LiveSettings, RenderSettings};
 use crate::sink::FrameRate;
@@ -217,7 +217,7 @@ fn timeline(
         let (poses, summary) = recording::poses(path)?;
         return Ok((Timeline::new(&poses, options.rate)?, summary));
     }
-    let (measurements, summary) = recording::measurements(path, &station.tracker)?;
+    let RecordedMeasurements { probe: measurements, summary, .. } = recording::measurements(path, &station.tracker)?;
     let span = measurements.first().zip(measurements.last());
     let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
     let mut settings = station.pose_settings()?;

@@ -7,7 +7,7 @@ use super::devices::pipe;
 use super::*;
 use crate::recording::{DecodedRecording, Item, RecordingInfo, RecordingReader, RecordingWriter, stream_of};
 use crate::tracker::openigtlink::message::put_transform;
-use crate::tracker::{Damage, ascii_line};
+use crate::tracker::{Damage, NeedleSensor, TrackerStream, ascii_line};
 
 /// Time between two messages of a tool.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -79,6 +79,49 @@ async fn a_named_tool_that_is_not_heard_is_told_with_those_that_are() {
     assert!(text.contains("did you mean `ProbeToTracker`?"), "{text}");
 }
 
+/// A session with the server above, with the stylus as its needle under `name`.
+async fn with_needle(name: &str, seconds: u64) -> (SessionSummary, Shared) {
+    let mut settings = igtl(None);
+    settings.device.needle = Some(NeedleSensor::Tool(name.to_owned()));
+    let (mut session, calls, cancel) = session(&settings);
+    session.port = server();
+    (run_for(session, cancel, Duration::from_secs(seconds)).await, calls)
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_needle_is_heard_apart_from_the_probe_which_needs_no_choice() {
+    let (summary, calls) = with_needle("StylusToTracker", 4).await;
+    let calls = calls.lock().unwrap();
+    assert_eq!(names(&calls), ["connected", "only tool"]);
+    assert!(calls.records.len() > 140 && calls.records.iter().all(|(_, record)| x_of(record) > 0.0));
+    assert!(calls.needle.len() > 190 && calls.needle.iter().all(|(_, record)| x_of(record) == -500.0));
+    assert_eq!((summary.needle_records, summary.other_sensor), (calls.needle.len() as u64, 0));
+    assert!(!summary.undecided);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_needle_that_is_never_heard_is_told_once() {
+    let (summary, calls) = with_needle("stylustotracker", 6).await;
+    let calls = calls.lock().unwrap();
+    let told: Vec<_> = calls.events.iter().filter(|(_, event)| name(event) == "needle missing").collect();
+    assert_eq!((told.len(), summary.needle_records), (1, 0));
+    let text = told[0].1.to_string();
+    assert!(text.contains("the needle (tool `stylustotracker`) is not heard for 2.0 s"), "{text}");
+    assert!(text.contains("did you mean `StylusToTracker`?"), "{text}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_probe_that_is_missed_is_told_while_only_the_needle_is_heard() {
+    let (mut session, calls, cancel) = {
+        let mut settings = igtl(Some("Probe"));
+        settings.device.needle = Some(NeedleSensor::Tool("StylusToTracker".to_owned()));
+        session(&settings)
+    };
+    session.port = server();
+    run_for(session, cancel, Duration::from_millis(2990)).await;
+    assert!(names(&calls.lock().unwrap()).contains(&"probe missing"));
+}
+
 #[test]
 fn a_name_for_a_protocol_with_numbers_is_refused() {
     let mut settings = mock("move 1");
@@ -109,8 +152,8 @@ async fn a_replay_takes_the_same_records_as_the_session() {
         };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
-        let (protocol, sensor) = stream_of(&igtl(tool)).unwrap();
-        let info = RecordingInfo { protocol, sensor, ..RecordingInfo::default() };
+        let TrackerStream { protocol, sensor, needle } = stream_of(&igtl(tool)).unwrap();
+        let info = RecordingInfo { protocol, sensor, needle, ..RecordingInfo::default() };
         let mut writer = RecordingWriter::create(&path, &info).unwrap();
         bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
         writer.finish().unwrap();
