@@ -10,6 +10,7 @@ use super::local_renderer::LocalRendererFactory;
 use super::parts::{FrameGenerators, PoseSource};
 use super::recorded::{RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
 use super::session::Parts;
+use super::sources::WithStandingNeedle;
 use super::tracked::TrackedPoses;
 use super::{Generators, RecordError};
 use crate::anatomy::Scene;
@@ -98,6 +99,9 @@ impl LiveStation {
         let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
         let mut messages = Vec::new();
         let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };
+        let needle = station.standing_needle();
+        renderer.set_needle(needle);
+        let poses = WithStandingNeedle { poses, needle };
         let start = chooser::choose(&mut renderer, station, &mut generators, pose)?;
         messages.extend(start.messages);
         let (mut parts, control) = Parts::with_renderer(poses, renderer, factory, station.probe, station.settings);

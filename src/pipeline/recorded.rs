@@ -9,6 +9,7 @@ use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
 use crate::files::{self, FileError, FileKind};
+use crate::needle::NeedleEstimate;
 use crate::pose::Estimate;
 use crate::recording::{
     Event, QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle, RecordingError, RecordingInfo,
@@ -33,6 +34,13 @@ impl Observer for RecordingObserver {
     fn pose(&self, unix_ns: u64, estimate: &Estimate) {
         if let Some(pose) = estimate.scene_from_probe {
             self.0.pose(SessionPose { host_time_ns: unix_ns, pose, state: estimate.state });
+        }
+    }
+
+    fn needle(&self, unix_ns: u64, estimate: &NeedleEstimate) {
+        if let Some(needle) = estimate.needle {
+            let (pose, state) = (needle.scene_from_needle, estimate.state);
+            self.0.needle_pose(SessionPose { host_time_ns: unix_ns, pose, state });
         }
     }
 

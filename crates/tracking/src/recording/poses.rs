@@ -146,6 +146,11 @@ pub struct ToolPoses {
 }
 
 impl ToolPoses {
+    /// Whether the recording has no pose of the tool.
+    pub fn is_empty(&self) -> bool {
+        self.measured.is_empty() && self.used.is_empty()
+    }
+
     /// Adds the pose of a measurement, if it has one.
     fn push(&mut self, measurement: &Measurement) {
         let Measurement { host_time_ns, device_time_us, reading, .. } = *measurement;

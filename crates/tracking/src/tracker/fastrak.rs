@@ -337,5 +337,7 @@ mod tests {
         let text = |format| setup(format, &[2], [0.0, 0.0, 1.0]).concat();
         assert_eq!(text(Format::Binary), b"l2,1\ruH2,0,0,1\rO2,2,11,0\rfC");
         assert_eq!(text(Format::Ascii), b"l2,1\ruH2,0,0,1\rO2,2,4,1\rFC");
+        let both = setup(Format::Ascii, &[1, 2], [0.0, 0.0, 1.0]).concat();
+        assert_eq!(both, b"l1,1\rl2,1\ruH1,0,0,1\rO1,2,4,1\rH2,0,0,1\rO2,2,4,1\rFC");
     }
 }

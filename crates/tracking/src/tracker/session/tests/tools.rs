@@ -1,6 +1,7 @@
 //! Sessions with several tools, and with damaged streams.
 
 use glam::{DMat3, DVec3};
+use insonify_core::pose::{Estimator, Measurement, TrackingState};
 use tokio::io::AsyncWriteExt;
 
 use super::devices::pipe;
@@ -108,6 +109,62 @@ async fn a_needle_that_is_never_heard_is_told_once() {
     let text = told[0].1.to_string();
     assert!(text.contains("the needle (tool `stylustotracker`) is not heard for 2.0 s"), "{text}");
     assert!(text.contains("did you mean `StylusToTracker`?"), "{text}");
+}
+
+/// Tracking states of probe and needle at these times of a session, s since its first record.
+fn states(calls: &Calls, times_s: &[f64]) -> Vec<(TrackingState, TrackingState)> {
+    let [mut probe, mut needle] = [(); 2].map(|()| Estimator::new(insonify_core::pose::Settings::default()));
+    let start_ns = calls.records[0].0.min(calls.needle[0].0);
+    let measurements = |records: &[(u64, Record)]| -> Vec<Measurement> {
+        let of = |(host_time_ns, record): &(u64, Record)| Measurement {
+            host_time_ns: *host_time_ns,
+            device_time_us: record.device_time_us,
+            sequence: record.sequence,
+            reading: record.reading,
+        };
+        records.iter().map(of).collect()
+    };
+    let all = [measurements(&calls.records), measurements(&calls.needle)];
+    let mut next = [0; 2];
+    let mut at = |time_s: &f64| {
+        let now_ns = start_ns + (1e9 * time_s) as u64;
+        for ((estimator, all), next) in [&mut probe, &mut needle].into_iter().zip(&all).zip(&mut next) {
+            while let Some(measurement) = all.get(*next).filter(|m| m.host_time_ns <= now_ns) {
+                estimator.push(measurement);
+                *next += 1;
+            }
+        }
+        (probe.sample(now_ns, now_ns).state, needle.sample(now_ns, now_ns).state)
+    };
+    times_s.iter().map(&mut at).collect()
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_needle_out_of_view_for_two_seconds_is_lost_alone_and_found_again() {
+    use TrackingState::{Good, Held, Lost, Stale};
+    for order in [["ProbeToTracker", "NeedleToTracker"], ["NeedleToTracker", "ProbeToTracker"]] {
+        let mut settings = igtl(Some("ProbeToTracker"));
+        settings.device.needle = Some(NeedleSensor::Tool("NeedleToTracker".to_owned()));
+        let (mut session, calls, cancel) = session(&settings);
+        session.port = pipe(move |mut far| async move {
+            for n in 0..250 {
+                for name in order {
+                    // 2.4 s without a message of the needle.
+                    if name == "ProbeToTracker" || !(50..170).contains(&n) {
+                        far.write_all(&transform(name, 0.1 * f64::from(n))).await.unwrap();
+                    }
+                }
+                sleep(PERIOD).await;
+            }
+        });
+        run_for(session, cancel, Duration::from_secs(5)).await;
+        let calls = calls.lock().unwrap();
+        assert_eq!(names(&calls), ["connected"], "{order:?}");
+        let found = states(&calls, &[0.9, 1.3, 1.9, 3.2, 4.5]);
+        let needle: Vec<_> = found.iter().map(|(_, needle)| *needle).collect();
+        assert_eq!(needle, [Good, Held, Stale, Lost, Good], "{order:?}");
+        assert!(found.iter().all(|(probe, _)| *probe == Good), "{order:?}: {found:?}");
+    }
 }
 
 #[tokio::test(start_paused = true)]
