@@ -304,6 +304,7 @@ fn recording_seeds() -> Vec<Vec<u8>> {
             scene: "s".into(),
             start_time_ns: 1_790_000_000_000_000_000,
             sensor: None,
+            needle: None,
         };
         let mut writer = RecordingWriter::create(&path, &info).ok()?;
         for n in 0..messages {

@@ -54,6 +54,7 @@ pub fn render_still_with(
     let probe = &station.probe;
     renderer.reconfigure(probe, &settings)?;
     renderer.set_time_s(time_s);
+    renderer.set_needle(station.standing_needle());
     let mut chosen = None;
     if let Some(budget_ms) = frame_budget_ms {
         let found = choose_still(renderer, &scene_name(station), probe, &settings, &[pose], budget_ms)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::recording::{Inspection, RecordingReader, read_all};
+use insonify::recording::{Inspection, RecordingReader, read_tools};
 
 use super::{Failure, output};
 
@@ -29,9 +29,9 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let (poses, summary) = read_all(RecordingReader::open(&args.recording)?)?;
+    let tools = read_tools(RecordingReader::open(&args.recording)?)?;
     if args.station {
-        let station = summary.settings.as_ref().map(|settings| settings.station.trim_end());
+        let station = tools.summary.settings.as_ref().map(|settings| settings.station.trim_end());
         let path = args.recording.display();
         let none = || {
             Failure::Input(anyhow::anyhow!(
@@ -40,6 +40,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         };
         return output::line(station.filter(|text| !text.is_empty()).ok_or_else(none)?);
     }
-    let inspection = Inspection::new(&args.recording, &poses, &summary);
+    let inspection = Inspection::new(&args.recording, &tools);
     if args.json { output::json(&inspection) } else { output::text(&inspection) }
 }

@@ -53,12 +53,12 @@ fn status(status: &Status) -> String {
     )
 }
 
-/// Prints how many tracker measurements were not used, and why.
-pub(crate) fn say_left_out(counters: &Counters) {
+/// Prints how many measurements of `tool` were not used, and why.
+pub(crate) fn say_left_out(tool: &str, counters: &Counters) {
     let named = counters.named().filter(|(_, count)| *count > 0);
     let list: Vec<String> = named.filter_map(|(name, count)| left_out(name, count)).collect();
     if !list.is_empty() {
-        terminal::say(&format!("tracker: {}", list.join(", ")));
+        terminal::say(&format!("{tool}: {}", list.join(", ")));
     }
 }
 

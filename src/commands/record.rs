@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Outputs::apart_from(station.files()).file("--out", &args.out, args.force)?;
     output::recording("--out", &args.out)?;
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
-    let (protocol, sensor) = match &tracker {
+    let stream = match &tracker {
         Some(tracker) => stream_of(tracker)?,
         None => {
             let Settings { protocol: own, device, transport, .. } = &station.tracker;
@@ -120,8 +120,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let _inside = runtime.enter();
         StopSignals::new().other()?
     };
-    let is_only = matches!(sensor, Some(ProbeSensor::Only));
-    let stream = (protocol, sensor);
+    let is_only = matches!(stream.sensor, Some(ProbeSensor::Only));
     let recorder = start_recorder(&args.out, &station, stream.clone(), &from, "", host_time_ns())?;
     let capture = match &tracker {
         Some(tracker) => Capture::of_tracker(tracker, recorder.handle())?,
@@ -241,7 +240,7 @@ fn wait(
     show(report, bytes);
     drop(line);
     totals.sensors = sensors;
-    totals.undecided = is_only && totals.sensors.len() > 1;
+    totals.undecided = is_only && totals.sensors.iter().filter(|sensor| !sensor.is_needle).count() > 1;
     if let Some(summary) = summary {
         (totals.other_senders, totals.undecided, totals.cause) =
             (summary.other_sender, summary.undecided, summary.cause);

@@ -161,7 +161,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let logged = log_end.map_or(Ok(()), |end| end.write(&report));
     printed?;
     if let Some(tracked) = &tracked {
-        live::say_left_out(&tracked.counters());
+        live::say_left_out("tracker", &tracked.counters());
+        tracked.needle_counters().iter().for_each(|counters| live::say_left_out("needle", counters));
     }
     let unrecorded = recorded.and_then(|(path, slot)| say_recorded(path, &slot));
     let unlogged = logged.err().map(|error| error.to_string());

@@ -120,8 +120,12 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
             0 => String::new(),
             count => format!(", {count} datagrams of other senders"),
         };
+        let needle = match total.needle_records {
+            0 => String::new(),
+            count => format!(" {count} of the needle,"),
+        };
         output::line(format!(
-            "{} records in {} bytes; {} damaged pieces, {} of other sensors{other_senders}, {} connections, {} silences",
+            "{} records in {} bytes; {} damaged pieces,{needle} {} of other sensors{other_senders}, {} connections, {} silences",
             total.records, total.bytes, total.decode_errors, total.other_sensor, total.connections, total.silences
         ))?;
     }

@@ -166,6 +166,7 @@ fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pos
     session::warn_of_budget(station);
     let backend = args.backend.open(station.backend)?;
     let mut renderer = Renderer::new(&backend, scene, &station.probe, &station.settings)?;
+    renderer.set_needle(station.standing_needle());
     let mut frame = Frame::default();
     renderer.render(&pose, &mut frame)?;
     Ok(BmodeImage { sector: *renderer.sector(), grey: frame.bmode })

@@ -82,6 +82,7 @@ impl<'a> TupleRenderer<'a> {
             }
         };
         let (_, renderer) = self.kept.insert(kept);
+        renderer.set_needle(scene.station.standing_needle());
         renderer.select(quality)?;
         renderer.reconfigure_with(&probe, &settings, &self.tables)?;
         Ok(renderer)

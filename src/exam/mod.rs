@@ -106,6 +106,7 @@ fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Re
         scene: scene.to_owned(),
         start_time_ns: START_TIME_NS,
         sensor: None,
+        needle: None,
     };
     let mut events = events.iter().peekable();
     let mut writer = RecordingWriter::create(path, &info)?;

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::clock::{Clock, lock};
+use crate::needle::NeedleEstimate;
 use crate::pose::Estimate;
 use crate::settings::{Control, LiveSettings};
 
@@ -15,8 +16,11 @@ pub trait Observer: Send + Sync {
     /// An event at `unix_ns`, ns since 1970 (UTC).
     fn event(&self, unix_ns: u64, text: &str);
 
-    /// A pose was estimated for a frame.
+    /// A pose of the probe was estimated for a frame.
     fn pose(&self, unix_ns: u64, estimate: &Estimate);
+
+    /// A pose of the needle was estimated for the same frame. Called only in sessions with a needle.
+    fn needle(&self, _unix_ns: u64, _estimate: &NeedleEstimate) {}
 
     /// Settings that apply from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
@@ -86,9 +90,12 @@ impl Events {
         }
     }
 
-    pub(super) fn pose(&self, estimate: &Estimate) {
+    /// Passes on the estimates of probe and needle for a frame.
+    pub(super) fn poses(&self, estimate: &Estimate, needle: Option<&NeedleEstimate>) {
         if let Some(observer) = &self.observer {
-            observer.pose(self.clock.unix_ns(), estimate);
+            let unix_ns = self.clock.unix_ns();
+            observer.pose(unix_ns, estimate);
+            needle.into_iter().for_each(|needle| observer.needle(unix_ns, needle));
         }
     }
 

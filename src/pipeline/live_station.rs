@@ -10,6 +10,7 @@ use super::local_renderer::LocalRendererFactory;
 use super::parts::{FrameGenerators, PoseSource};
 use super::recorded::{RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
 use super::session::Parts;
+use super::sources::WithStandingNeedle;
 use super::tracked::TrackedPoses;
 use super::{Generators, RecordError};
 use crate::anatomy::Scene;
@@ -26,7 +27,7 @@ use crate::sink::openigtlink::OpenIgtLink;
 use crate::sink::{FrameRate, LiveVideo};
 use crate::sink::{LiveSinkKind, NullSink, PngSequence, SinkError};
 use crate::station::Station;
-use crate::tracker::{self, ProbeSensor, Protocol, TrackerError};
+use crate::tracker::{self, TrackerError, TrackerStream};
 
 /// Reason why a station's session cannot begin.
 #[derive(Debug, Error)]
@@ -98,6 +99,9 @@ impl LiveStation {
         let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
         let mut messages = Vec::new();
         let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };
+        let needle = station.standing_needle();
+        renderer.set_needle(needle);
+        let poses = WithStandingNeedle { poses, needle };
         let start = chooser::choose(&mut renderer, station, &mut generators, pose)?;
         messages.extend(start.messages);
         let (mut parts, control) = Parts::with_renderer(poses, renderer, factory, station.probe, station.settings);
@@ -114,7 +118,7 @@ impl LiveStation {
     }
 
     /// Records the session to `path`: tracker bytes, poses, settings and events. `stream` holds the tracker's protocol
-    /// and the choice of the probe's sensor; `adapter` names the rendering device. The returned slot holds the result
+    /// and the sensors of its tools; `adapter` names the rendering device. The returned slot holds the result
     /// after the session. Call this before [`Self::track`].
     ///
     /// # Errors
@@ -123,7 +127,7 @@ impl LiveStation {
         &mut self,
         path: &Path,
         station: &Station,
-        stream: (Protocol, Option<ProbeSensor>),
+        stream: TrackerStream,
         adapter: &str,
     ) -> Result<RecordedSlot, LiveError> {
         let began_ns = self.parts.clock.start_unix_ns();

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
+use crate::needle::Needle;
 use crate::pose::Pose;
 use crate::render::{Backend, BackendError, ComputeDevice, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
@@ -81,6 +82,10 @@ impl FrameRenderer for Renderer {
 
     fn set_time_s(&mut self, time_s: f64) {
         Renderer::set_time_s(self, time_s);
+    }
+
+    fn set_needle(&mut self, needle: Option<Needle>) {
+        Renderer::set_needle(self, needle);
     }
 
     fn set_maps(&mut self, wanted: bool) {

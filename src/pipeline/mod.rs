@@ -57,12 +57,12 @@ pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordError, RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
-pub use replayed::{OtherSetting, ReplayedPoses};
+pub use replayed::{OtherSetting, ReplayedNeedle, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
 pub use shutdown::{Joined, Part, Stop, Thread, spawn};
 pub use signals::{StopSignals, on_ctrl_c};
 pub use simulated::SimulatedClock;
-pub use sources::StandingPose;
+pub use sources::{StandingPose, WithStandingNeedle};
 pub use summary::{GeneratorSummary, MisplacedSummary, SinkSummary, Summary};
 pub use tracked::{TrackedPoses, TrackerPart};
 pub use tracker_watch::{TrackerSummary, TrackerWatch};

@@ -4,20 +4,30 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::needle::{Needle, NeedleEstimate};
 use crate::pose::{Estimate, Pose};
 use crate::render::{ComputeDevice, Frame, RenderSettings};
 use crate::transducer::Probe;
 
-/// Source of probe poses.
+/// Source of poses of the probe, and of the needle if there is one.
 pub trait PoseSource: Send {
     /// Pose for a frame that is submitted at `now_ns` and shown at `display_ns`, both ns since 1970 (UTC). Must not
     /// block.
     fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate;
+
+    /// Needle for the same frame; none without a needle. Must not block.
+    fn sample_needle(&mut self, _now_ns: u64, _display_ns: u64) -> Option<NeedleEstimate> {
+        None
+    }
 }
 
 impl<T: PoseSource + ?Sized> PoseSource for Box<T> {
     fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
         (**self).sample(now_ns, display_ns)
+    }
+
+    fn sample_needle(&mut self, now_ns: u64, display_ns: u64) -> Option<NeedleEstimate> {
+        (**self).sample_needle(now_ns, display_ns)
     }
 }
 
@@ -57,6 +67,10 @@ pub trait FrameRenderer: Send {
     /// Sets the scene time, s since the start of the session, for frames submitted from now on. Renderers of static
     /// scenes ignore it.
     fn set_time_s(&mut self, _time_s: f64) {}
+
+    /// Sets the needle in the scene, for frames submitted from now on; none: they show no needle. Renderers of scenes
+    /// without a needle ignore it.
+    fn set_needle(&mut self, _needle: Option<Needle>) {}
 
     /// Waits for the oldest frame in flight and copies it into `frame`.
     ///

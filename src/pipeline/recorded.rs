@@ -9,6 +9,7 @@ use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
 use crate::files::{self, FileError, FileKind};
+use crate::needle::NeedleEstimate;
 use crate::pose::Estimate;
 use crate::recording::{
     Event, QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle, RecordingError, RecordingInfo,
@@ -17,7 +18,7 @@ use crate::recording::{
 use crate::settings::{Control, LiveSettings};
 use crate::sink::{SinkError, create_dir};
 use crate::station::{SceneIdentity, Station};
-use crate::tracker::{ProbeSensor, Protocol};
+use crate::tracker::TrackerStream;
 
 /// Name of the events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
@@ -33,6 +34,13 @@ impl Observer for RecordingObserver {
     fn pose(&self, unix_ns: u64, estimate: &Estimate) {
         if let Some(pose) = estimate.scene_from_probe {
             self.0.pose(SessionPose { host_time_ns: unix_ns, pose, state: estimate.state });
+        }
+    }
+
+    fn needle(&self, unix_ns: u64, estimate: &NeedleEstimate) {
+        if let Some(needle) = estimate.needle {
+            let (pose, state) = (needle.scene_from_needle, estimate.state);
+            self.0.needle_pose(SessionPose { host_time_ns: unix_ns, pose, state });
         }
     }
 
@@ -85,15 +93,15 @@ pub enum RecordError {
 }
 
 /// Starts a recording of `station`'s session at `path`, with the text of the station file. In a replay, scene time is
-/// 0 at `start_time_ns`. The pair holds the protocol of the tracker's bytes and the choice of the probe's sensor.
-/// `device` names the tracker, `adapter` the rendering device.
+/// 0 at `start_time_ns`. `stream` holds the protocol of the tracker's bytes and the sensors of its tools. `device` names
+/// the tracker, `adapter` the rendering device.
 ///
 /// # Errors
 /// The station file can't be read, or the recording can't be written.
 pub fn start_recorder(
     path: &Path,
     station: &Station,
-    (protocol, sensor): (Protocol, Option<ProbeSensor>),
+    stream: TrackerStream,
     device: &str,
     adapter: &str,
     start_time_ns: u64,
@@ -104,7 +112,8 @@ pub fn start_recorder(
         create_dir(directory)?;
     }
     let scene = SceneIdentity::of(station).to_string();
-    let info = RecordingInfo { protocol, device: device.to_owned(), scene, start_time_ns, sensor };
+    let TrackerStream { protocol, sensor, needle } = stream;
+    let info = RecordingInfo { protocol, device: device.to_owned(), scene, start_time_ns, sensor, needle };
     let mut writer = RecordingWriter::create(path, &info)?;
     writer.settings(&SessionSettings {
         version: env!("CARGO_PKG_VERSION").to_owned(),

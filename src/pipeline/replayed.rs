@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::recorded::{SETTINGS_EVENT, settings_after};
+use crate::needle::{Needle, NeedleEstimate};
 use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
@@ -60,6 +61,22 @@ impl ReplayedPoses {
             }
         }
         self.estimator.sample(time_ns, time_ns)
+    }
+}
+
+/// Needle of a recording: the measurements of its sensor, filtered by the estimator of live sessions.
+#[derive(Debug, Clone)]
+pub struct ReplayedNeedle {
+    /// Poses of the needle, from an estimator with the needle's mounting in place of the probe's.
+    pub poses: ReplayedPoses,
+    /// Whether the sensor's mounting says to which side the bevel faces.
+    pub bevel_known: bool,
+}
+
+impl ReplayedNeedle {
+    /// The needle of a live session at `time_ns`, as [`ReplayedPoses::at`]; `None` while its tracking is lost.
+    pub fn at(&mut self, time_ns: u64) -> Option<Needle> {
+        NeedleEstimate::of(&self.poses.at(time_ns), self.bevel_known).needle
     }
 }
 

@@ -84,9 +84,11 @@ impl fmt::Display for Summary {
 
 /// The tracker's line, and its last fault.
 fn tracker_row(f: &mut fmt::Formatter<'_>, tracker: &TrackerSummary) -> fmt::Result {
-    let TrackerSummary { records, damaged, other_sensors, other_senders, interruptions, last_fault } = tracker;
+    let TrackerSummary { records, damaged, needle_records, other_sensors, other_senders, interruptions, last_fault } =
+        tracker;
     write!(f, "tracker            {records} records, {damaged} damaged pieces")?;
     let counted = [
+        (needle_records, "records of the needle"),
         (other_sensors, "records of other sensors"),
         (other_senders, "datagrams of other senders"),
         (interruptions, "interruptions"),

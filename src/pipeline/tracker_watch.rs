@@ -14,7 +14,10 @@ pub struct TrackerSummary {
     pub records: u64,
     /// Number of damaged pieces of the stream, and of errors that the device reports.
     pub damaged: u64,
-    /// Number of records of sensors other than the probe's. While several sensors send and none is chosen, all records
+    /// Number of records of the needle's sensor.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub needle_records: u64,
+    /// Number of records of sensors other than the tools'. While several sensors send and none is chosen, all records
     /// count here.
     pub other_sensors: u64,
     /// Number of datagrams from other senders, as last reported.
@@ -23,6 +26,10 @@ pub struct TrackerSummary {
     pub interruptions: u64,
     /// Last fault that was reported, with its likely remedy; none if there was no fault.
     pub last_fault: Option<String>,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// Text to show about a tracker.
@@ -56,7 +63,8 @@ struct Trouble {
 }
 
 impl TrackerWatch {
-    /// Counts a record of any sensor under `other_sensors`, until [`Self::record`] counts it for the probe.
+    /// Counts a record of any sensor under `other_sensors`, until [`Self::record`] counts it for the probe, or
+    /// [`Self::needle_record`] for the needle.
     pub(super) fn heard(&self) {
         lock(&self.0).totals.other_sensors += 1;
     }
@@ -67,6 +75,14 @@ impl TrackerWatch {
         state.totals.records += 1;
         state.totals.other_sensors = state.totals.other_sensors.saturating_sub(1);
         state.trouble = None;
+    }
+
+    /// Counts a record of the needle's sensor, which [`Self::heard`] counted under `other_sensors`. Trouble of the probe
+    /// goes on.
+    pub(super) fn needle_record(&self) {
+        let mut state = lock(&self.0);
+        state.totals.needle_records += 1;
+        state.totals.other_sensors = state.totals.other_sensors.saturating_sub(1);
     }
 
     /// Takes an event of the tracker. Returns whether it is a fault that the user must see.
@@ -88,7 +104,10 @@ impl TrackerWatch {
                 totals.other_senders = *left_out;
                 false
             }
-            TrackerEvent::OtherSensor { .. } | TrackerEvent::SenderChanged { .. } | TrackerEvent::Irregular(_) => false,
+            TrackerEvent::OtherSensor { .. }
+            | TrackerEvent::NeedleMissing { .. }
+            | TrackerEvent::SenderChanged { .. }
+            | TrackerEvent::Irregular(_) => false,
             TrackerEvent::Connected { .. } => {
                 if trouble.as_ref().is_some_and(|trouble| trouble.is_lost_connection) {
                     *trouble = None;
@@ -147,6 +166,17 @@ mod tests {
         let TrackerSummary { records, other_sensors, interruptions, last_fault, .. } = watch.totals();
         assert_eq!((records, other_sensors, interruptions), (1, 2, 1));
         assert!(last_fault.unwrap().contains("10.0.0.2:5"));
+    }
+
+    #[test]
+    fn records_of_the_needle_are_counted_and_end_no_trouble_of_the_probe() {
+        let watch = TrackerWatch::default();
+        assert!(watch.event(&TrackerEvent::Silent { for_: Duration::from_secs(2), attempt: 1, cause: None }));
+        watch.heard();
+        watch.needle_record();
+        assert!(watch.notice().is_some() && watch.notice().is_some(), "the trouble stays");
+        let TrackerSummary { records, needle_records, other_sensors, .. } = watch.totals();
+        assert_eq!((records, needle_records, other_sensors), (0, 1, 0));
     }
 
     #[test]

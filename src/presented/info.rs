@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::needle::NeedleEstimate;
 use crate::pose::{Estimate, Pose, TrackingState};
 use crate::settings::LiveSettings;
 use crate::transducer::{Contact, Misplacement};
@@ -44,6 +45,8 @@ pub struct FrameInfo {
     pub number: u64,
     /// Pose estimate of the picture; without a picture its pose is `None`.
     pub estimate: Estimate,
+    /// Estimate of the needle in the picture, frozen with it; none in sessions without a needle.
+    pub needle: Option<NeedleEstimate>,
     /// Times at which the frame passed the stages so far.
     pub timeline: FrameTimeline,
     /// Measurements that no earlier frame showed; completed by the presenter.

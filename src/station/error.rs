@@ -1,6 +1,6 @@
 //! Errors in station files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -142,10 +142,35 @@ pub enum StationError {
     /// The values of `[pose]` are no pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),
+    /// The values of `[needle]` are no pose.
+    #[error("[needle]: {0}")]
+    NeedlePose(PoseError),
+    /// Nothing says how the sensor of a tracked needle is mounted.
+    #[error(
+        "`[needle]` is tracked, but {}; `insonify calibrate needle --tracker STATION.toml` writes it",
+        no_mount(calibration.as_deref())
+    )]
+    NeedleMount {
+        /// The calibration file; `None` if the station names none.
+        calibration: Option<PathBuf>,
+    },
     /// The values of `sensor_from_probe` are no pose.
     #[error("[calibration] sensor_from_probe: {0}")]
     SensorFromProbe(PoseError),
     /// The calibration file can't be used.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+}
+
+/// Missing part of the calibration of a needle.
+fn no_mount(calibration: Option<&Path>) -> String {
+    match calibration {
+        Some(path) => {
+            format!(
+                "the calibration file {} has no table `[needle]`, which says how its sensor is mounted",
+                path.display()
+            )
+        }
+        None => "`[calibration] path` names no file whose table `[needle]` says how its sensor is mounted".to_owned(),
+    }
 }

@@ -11,8 +11,9 @@ use crate::anatomy::Tissue;
 use crate::render::Preset;
 use crate::settings::{
     BackendSettings, BrowserSettings, ChoiceSettings, ContactSettings, Effect, FAT_RANGE_MM, FilterSettings,
-    GeneratorSettings, ImageSettings, LookBase, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
-    ReceiverSettings, RenderSettings, SceneSettings, Setting, SettingsGroup as _, TrackerSettings, WindowSettings,
+    GeneratorSettings, ImageSettings, LookBase, LookSettings, NeedleSettings, PipelineSettings, Probe, ProbeKind,
+    Quality, ReceiverSettings, RenderSettings, SceneSettings, Setting, SettingsGroup as _, TrackerSettings,
+    WindowSettings,
 };
 use crate::sink::{LiveSinkKind, openigtlink};
 use crate::tracker::{BAUD_RANGE, Protocol, TransportKind, mock};
@@ -108,6 +109,14 @@ const TRACKER: &[KeyDoc] = &[
 ];
 
 #[rustfmt::skip]
+const NEEDLE: &[KeyDoc] = &[
+    doc("needle", "sensor", "", "required for a tracked needle; mock: 1", integer(0, 65_535), "station or port handle of the sensor on the needle (openigtlink: `tool`); a recording knows its own"),
+    doc("needle", "tool", "", "required for a tracked needle", Accepts::Text("the name of a tool"), "tool that is the needle, by its OpenIGTLink name, as in \"NeedleToTracker\""),
+    doc("needle", "position_mm", "mm", "none", Accepts::Numbers { count: 3, limit: 1e5 }, "tip in the scene [x, y, z], for stills and for sessions that don't track the needle; a mock inserts its needle up to there"),
+    doc("needle", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns needle axes into scene axes; z points along the shaft to the tip, x to the side that the bevel faces"),
+];
+
+#[rustfmt::skip]
 const GENERATOR: &[KeyDoc] = &[
     doc("generator", "models", "", "[]", Accepts::Texts("a path"), "generators (.onnx, each with its manifest), the best first, relative to the station file; none shows what is rendered"),
 ];
@@ -152,6 +161,7 @@ pub fn keys() -> &'static [KeyDoc] {
         add(&[], &[FilterSettings::settings()]);
         add(CALIBRATION, &[]);
         add(TRACKER, &[TrackerSettings::settings(), mock::Settings::settings()]);
+        add(NEEDLE, &[NeedleSettings::settings()]);
         add(GENERATOR, &[GeneratorSettings::settings()]);
         add(OPENIGTLINK, &[openigtlink::Settings::settings()]);
         add(BROWSER, &[BrowserSettings::settings()]);

@@ -13,6 +13,8 @@ mod error;
 mod examination;
 mod generator;
 mod keys;
+mod needle_mount;
+mod needle_table;
 mod openigtlink;
 mod parse;
 mod plane_scene;
@@ -36,8 +38,9 @@ use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable};
 use crate::files::{self, FileError, FileKind};
 use crate::generator::generator_files;
+use crate::needle::Needle;
 use crate::phantom::{self, PhantomOptions};
-use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
+use crate::pose::{self, Calibration, CalibrationSource, FilterSettings, Fitted, Pose};
 use crate::render::BackendChoice;
 use crate::settings::{PipelineSettings, Probe, RenderSettings};
 use crate::sink::LiveSinkKind;
@@ -63,6 +66,15 @@ pub enum SceneSource {
     File(PathBuf),
     /// The generated obstetric phantom.
     ObstetricPhantom(PhantomOptions),
+}
+
+/// Settings of a tracked needle's estimator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NeedleTracking {
+    /// Settings with the needle's mounting in place of the probe's.
+    pub settings: pose::Settings,
+    /// Whether the sensor's mounting says to which side the bevel faces.
+    pub bevel_known: bool,
 }
 
 /// A station: scene, probe, image settings, tracker, generators and outputs.
@@ -95,8 +107,10 @@ pub struct Station {
     pub filter: FilterSettings,
     /// Source of the calibration of tracker, sensor and probe. Parsing does not open its file.
     pub calibration: CalibrationSource,
-    /// Source of live poses.
+    /// Source of live poses. Its device options have the needle's sensor.
     pub tracker: tracker::Settings,
+    /// Pose `scene_from_needle` of a needle that no tracker moves, from `[needle]`.
+    pub needle_pose: Option<Pose>,
     /// OpenIGTLink server, if the station has one.
     pub openigtlink: Option<openigtlink_sink::Settings>,
     /// Browser page, if the station has one.
@@ -182,7 +196,14 @@ impl Station {
     pub fn play(&mut self, path: &Path) {
         let (path, speed) = (path.to_owned(), tracker::Speed::Factor(1.0));
         self.tracker.transport = tracker::Transport::Recording { path, speed, repeat: false };
-        (self.tracker.device.sensor, self.tracker.device.tool) = (None, None);
+        (self.tracker.device.sensor, self.tracker.device.tool, self.tracker.device.needle) = (None, None, None);
+    }
+
+    /// The needle at its fixed pose; `None` if the station gives none. Stills show it, and sessions that don't track
+    /// the needle.
+    pub fn standing_needle(&self) -> Option<Needle> {
+        let scene_from_needle = self.needle_pose.filter(|_| self.settings.needle.is_some())?;
+        Some(Needle { scene_from_needle, bevel_known: true })
     }
 
     /// Files from which the station is read; the station file is the first. Some of them may be missing.
@@ -209,6 +230,32 @@ impl Station {
             calibration: self.calibration.load()?,
             initial_pose: self.default_pose.unwrap_or(Pose::IDENTITY),
         })
+    }
+
+    /// Settings of the estimator of a tracked needle; `None` for a station without `[needle]`. Reads the calibration file,
+    /// if the station names one. A mock's sensor is the needle's frame; so is that of a recording, if there is no
+    /// calibration file.
+    ///
+    /// # Errors
+    /// Errors of [`Self::pose_settings`], or nothing says how the sensor is mounted on the needle.
+    pub fn needle_settings(&self) -> Result<Option<NeedleTracking>, StationError> {
+        if self.settings.needle.is_none() {
+            return Ok(None);
+        }
+        let settings = self.pose_settings()?;
+        let is_given = match &self.tracker.transport {
+            tracker::Transport::Mock(_) | tracker::Transport::None => true,
+            tracker::Transport::Recording { .. } => self.calibration.path.is_none(),
+            _ => false,
+        };
+        let (sensor_from_needle, bevel_known) = match needle_mount::needle_mount(&self.calibration)? {
+            Some(mount) => mount,
+            None if is_given => (Pose::IDENTITY, true),
+            None => return Err(StationError::NeedleMount { calibration: self.calibration.path.clone() }),
+        };
+        let sensor_from_probe = Some(Fitted::known(sensor_from_needle));
+        let calibration = Calibration { sensor_from_probe, ..settings.calibration };
+        Ok(Some(NeedleTracking { settings: pose::Settings { calibration, ..settings }, bevel_known }))
     }
 
     /// Standard planes of the scene: the phantom's own, or those in the file next to the scene file.

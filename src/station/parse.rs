@@ -54,7 +54,11 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let default_pose = pose(&mut root)?;
     let filter = group(&mut root, "filter")?;
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
-    let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
+    let mut tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
+    let needle =
+        optional(&mut root, "needle")?.map(|values| super::needle_table::needle(&values, &mut tracker, default_pose));
+    let needle = needle.transpose()?;
+    settings.needle = needle.as_ref().map(|needle| needle.settings);
     let generator_values = section(&mut root, "generator")?;
     let mut generator = super::generator::settings(&generator_values, dir);
     if let Some(run_budget_ms) = frame_budget_ms.filter(|_| !generator_values.has("run_budget_ms")) {
@@ -81,6 +85,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         filter,
         calibration,
         tracker,
+        needle_pose: needle.and_then(|needle| needle.pose),
         generator,
         openigtlink,
         browser,

@@ -55,6 +55,7 @@ pub fn check_setup(
         Ok(calibration) => {
             findings.extend(incomplete(&station.tracker, &calibration));
             findings.extend(implausible(&calibration, bounds_mm));
+            findings.extend(needle(station));
         }
     }
     findings.sort_by_key(|finding| finding.severity);
@@ -170,6 +171,14 @@ fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> V
     findings
 }
 
+/// Finding about a tracked needle whose sensor's mounting is unknown.
+fn needle(station: &Station) -> Option<SetupFinding> {
+    station.tracker.device.needle.as_ref()?;
+    let error = station.needle_settings().err()?;
+    let remedy = "write the table `[needle]` of the calibration file, or remove `sensor` and `tool` of the station's `[needle]` and give its `position_mm`";
+    Some(finding(Severity::Error, error.to_string(), remedy))
+}
+
 /// Message about an implausible distance from a sensor; `None` for a plausible one.
 fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     let away_mm = position_mm.length();
@@ -183,19 +192,7 @@ fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
 /// Finding about a `sensor` number other than 0, if the tracker has only sensor 0.
 fn unheard_sensor(tracker: &Settings) -> Option<SetupFinding> {
     let Settings { transport, protocol, device, .. } = tracker;
-    let has_one = match protocol {
-        Protocol::AsciiLine
-        | Protocol::SpaceMouse
-        | Protocol::Bno08x
-        | Protocol::Bno08xRollFirst
-        | Protocol::OpenTrack => true,
-        Protocol::FastrakAscii
-        | Protocol::FastrakBinary
-        | Protocol::Liberty
-        | Protocol::Patriot
-        | Protocol::Ndi
-        | Protocol::OpenIgtLink => false,
-    };
+    let has_one = protocol.sensor_numbers() == (0..=0);
     let number = device.sensor.filter(|number| *number != 0 && has_one)?;
     // A recording has its own protocol.
     (!matches!(transport, Transport::Recording { .. })).then(|| {
@@ -294,9 +291,11 @@ mod tests {
         );
         says(live, Severity::Warning, "nothing says where the tracker is in the scene");
         says(live, Severity::Warning, "nothing says how the sensor is mounted");
-        let lines = "[tracker]\ntransport = \"tcp\"\nprotocol = \"ascii-line\"\naddress = \"h:1\"\n";
-        let part = "`tracker.sensor` is 2, which is never heard: `ascii-line` has one sensor, number 0";
-        says(&format!("{lines}sensor = 2\n"), Severity::Error, part);
+        let datagrams = "[tracker]\ntransport = \"udp\"\nprotocol = \"opentrack\"\n";
+        let part = "`tracker.sensor` is 2, which is never heard: `opentrack` has one sensor, number 0";
+        says(&format!("{datagrams}sensor = 2\n"), Severity::Error, part);
+        let needle = format!("{live}[needle]\nsensor = 2\n");
+        says(&needle, Severity::Error, "`[needle]` is tracked, but `[calibration] path` names no file");
         says("[tracker]\ntransport = \"hid\"\n", Severity::Warning, "a SpaceMouse is not plugged in");
         says("[tracker]\ntransport = \"udp\"\nprotocol = \"opentrack\"\n", Severity::Note, "from this machine only");
         says("[tracker]\ntransport = \"recording\"\nrecording = \"a.mcap\"\n", Severity::Error, "which is not there");
@@ -353,7 +352,7 @@ mod tests {
     #[test]
     fn numbers_of_sensors_that_may_be_heard_are_no_finding() {
         let dir = tempfile::tempdir().unwrap();
-        for (protocol, sensor) in [("ascii-line", 0), ("fastrak-ascii", 2), ("liberty", 3)] {
+        for (protocol, sensor) in [("ascii-line", 0), ("ascii-line", 2), ("fastrak-ascii", 2), ("liberty", 3)] {
             let tracker = format!("[tracker]\ntransport = \"tcp\"\nprotocol = \"{protocol}\"\naddress = \"h:1\"\n");
             let all = found(dir.path(), &format!("{tracker}sensor = {sensor}\n"), None);
             assert!(!all.iter().any(|f| f.what.contains("tracker.sensor")), "{protocol}: {all:#?}");

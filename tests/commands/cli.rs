@@ -62,6 +62,7 @@ fn recording(path: &Path) {
         scene: "box".into(),
         start_time_ns,
         sensor: None,
+        needle: None,
     };
     let mut writer = RecordingWriter::create(path, &info).unwrap();
     for i in 0..121u32 {

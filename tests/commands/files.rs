@@ -41,6 +41,7 @@ impl Fixture {
             scene: "sphere".into(),
             start_time_ns,
             sensor: None,
+            needle: None,
         };
         let mut writer = RecordingWriter::create(Path::new(&recording), &info).unwrap();
         for i in 0..121_u32 {

@@ -49,6 +49,9 @@ pub(super) fn gpu(bus: u8) -> ComputeDevice {
 /// Start and end of each frame's or run's work on a device.
 pub(super) type Busy = Arc<Mutex<Vec<(Duration, Duration)>>>;
 
+/// Needle of each submitted frame.
+pub(super) type Needles = Arc<Mutex<Vec<Option<Needle>>>>;
+
 /// A device that renders one frame after another, each in `service`, and fails at the frames that `faults` chooses.
 pub(super) struct Device {
     pub(super) clock: Arc<dyn Clock>,
@@ -72,6 +75,10 @@ pub(super) struct Device {
     pub(super) busy: Option<Busy>,
     /// Contact of the probe's face with the skin over time.
     pub(super) contact: Arc<Touch>,
+    /// Needle of the next frame.
+    pub(super) needle: Option<Needle>,
+    /// List to which the needle of each submitted frame is appended, if wanted.
+    pub(super) needles: Option<Needles>,
 }
 
 impl FrameRenderer for Device {
@@ -100,6 +107,7 @@ impl FrameRenderer for Device {
             processors.work(&self.clock, self.service + extra);
         }
         self.in_flight.push_back((self.free, *pose, self.maps, self.time_s));
+        self.needles.iter().for_each(|needles| needles.lock().unwrap().push(self.needle));
         Ok(())
     }
 
@@ -133,6 +141,10 @@ impl FrameRenderer for Device {
 
     fn set_maps(&mut self, wanted: bool) {
         self.maps = wanted;
+    }
+
+    fn set_needle(&mut self, needle: Option<Needle>) {
+        self.needle = needle;
     }
 
     fn skin_distance_mm(&self, _: &Pose) -> Option<f64> {

@@ -17,6 +17,7 @@ mod latency;
 mod maps;
 mod memory;
 mod misplaced;
+mod needle;
 mod processors;
 mod program;
 mod quality;
@@ -39,6 +40,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::chooser::{Candidate, FrameBudget, PointController};
+use insonify::needle::{Needle, NeedleEstimate};
 use insonify::pipeline::{
     Clock, FrameGenerators, FrameRenderer, GenerateError, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
     PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary, SystemClock, Terminator,

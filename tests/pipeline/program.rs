@@ -176,6 +176,7 @@ fn the_program_tracks_generates_and_records() {
         scene: "sphere".into(),
         start_time_ns: 1_790_000_000_000_000_000,
         sensor: None,
+        needle: None,
     };
     let taken = dir.path().join("taken.mcap");
     let mut writer = RecordingWriter::create(&taken, &info).unwrap();

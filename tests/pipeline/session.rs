@@ -66,6 +66,7 @@ pub(super) struct Session {
     pub(super) compute_device: ComputeDevice,
     pub(super) busy: Option<Busy>,
     pub(super) contact: Arc<Touch>,
+    pub(super) needles: Option<Needles>,
     pub(super) generators: Option<Box<dyn FrameGenerators>>,
     pub(super) sinks: Vec<Box<dyn LiveSink>>,
     pub(super) log: Option<FrameLog>,
@@ -100,6 +101,7 @@ impl Session {
             compute_device: gpu(1),
             busy: None,
             contact: Arc::new(|_| None),
+            needles: None,
             generators: None,
             sinks: Vec::new(),
             log: None,
@@ -118,7 +120,7 @@ impl Session {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
         let (extra, processors, compute_device, busy) = (self.extra, self.processors, self.compute_device, self.busy);
-        let contact = self.contact;
+        let (contact, needles) = (self.contact, self.needles);
         let mut render = RenderSettings::default();
         if let Some(points) = &self.points {
             render = points.point().quality.apply(&render, Choice::Auto);
@@ -138,6 +140,8 @@ impl Session {
             compute_device,
             busy: busy.clone(),
             contact: contact.clone(),
+            needle: None,
+            needles: needles.clone(),
             time_s: 0.0,
         };
         let parts = Parts {

@@ -108,6 +108,7 @@ fn the_recording_says_that_the_sensor_is_stuck() {
         scene: "none".to_owned(),
         start_time_ns: START_NS,
         sensor: None,
+        needle: None,
     };
     let mut writer = RecordingWriter::create(&path, &info).unwrap();
     writer.raw(START_NS, b"\n").unwrap();

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 /// Rooms from the highest to the lowest. Rooms in one line do not import each other.
-const ORDER: [&[&str]; 23] = [
+const ORDER: [&[&str]; 24] = [
     &["pipeline"],
     &["chooser"],
     &["measuring"],
@@ -29,6 +29,7 @@ const ORDER: [&[&str]; 23] = [
     &["selftest", "quality"],
     &["exam"],
     &["transducer"],
+    &["needle"],
     &["phantom"],
     &["segmentation"],
     &["anatomy"],

@@ -370,6 +370,7 @@ fn station() -> (tempfile::TempDir, PathBuf, PathBuf) {
         scene: "box".into(),
         start_time_ns,
         sensor: None,
+        needle: None,
     };
     let mut writer = RecordingWriter::create(&recording, &info).unwrap();
     for i in 0..61_u32 {

@@ -28,6 +28,7 @@ fn info() -> RecordingInfo {
         scene: "none".into(),
         start_time_ns: START_NS,
         sensor: None,
+        needle: None,
     }
 }
 
@@ -241,7 +242,7 @@ fn the_metadata_is_checked() {
             [("protocol", "asci"), good[1], good[2]],
             "unknown tracker protocol `asci`; known: ascii-line",
         ),
-        ("/tracker/raw", [good[0], good[1], ("format_version", "3")], "`format_version` is `3`; it must be in 1..=2"),
+        ("/tracker/raw", [good[0], good[1], ("format_version", "4")], "`format_version` is `4`; it must be in 1..=3"),
         ("/tracker/raw", [good[0], ("x", ""), good[2]], "`start_time_ns` is missing; it must be ns since 1970"),
     ];
     for (topic, metadata, message) in cases {
@@ -310,7 +311,7 @@ fn a_session_returns_its_poses_settings_and_values() {
                 measurements += 1;
             }
             Item::Pose(pose) => session_poses.push(pose),
-            Item::Event(_) => {}
+            Item::Event(_) | Item::NeedleMeasurement(_) | Item::NeedlePose(_) => {}
         }
     }
     assert_eq!((measurements, session_poses.len()), (150, 150));

@@ -122,7 +122,8 @@ pub(super) fn run(
         }
     })?;
     drop(live.control);
-    live::say_left_out(&tracked.counters());
+    live::say_left_out("tracker", &tracked.counters());
+    tracked.needle_counters().iter().for_each(|counters| live::say_left_out("needle", counters));
     write_json(&directory.join("summary.json"), &summary)?;
     for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
         tracing::warn!("{error}");

@@ -216,6 +216,7 @@ impl RenderStage {
                 let _span = tracing::debug_span!("submit", frame = info.number, submitted_ms = ms(now)).entered();
                 self.begun = now;
                 renderer.set_maps(maps);
+                renderer.set_needle(info.needle.and_then(|estimate| estimate.needle));
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
@@ -262,13 +263,13 @@ impl RenderStage {
         let settings = self.parts.controls.live;
         let now_ns = clock.unix_ns();
         let ahead_ns = u64::try_from(self.parts.metrics.expected().as_nanos()).unwrap_or(0);
-        let estimate = self.poses.sample(now_ns, now_ns.saturating_add(ahead_ns), settings.frozen);
+        let (estimate, needle) = self.poses.sample(now_ns, now_ns.saturating_add(ahead_ns), settings.frozen);
         let now = clock.now();
         let first_byte = estimate.first_byte_ns.map(|ns| clock.since_start(ns));
         span.record("sampled_ms", ms(now));
         first_byte.map(|time| span.record("first_byte_ms", ms(time)));
         let timeline = FrameTimeline { first_byte, sampled: now, submitted: now, ..FrameTimeline::default() };
-        FrameInfo { number, estimate, timeline, settings, ..FrameInfo::default() }
+        FrameInfo { number, estimate, needle, timeline, settings, ..FrameInfo::default() }
     }
 
     /// Waits for the oldest frame in flight and hands it to the next stages.

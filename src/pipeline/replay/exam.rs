@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::ReplayError;
 use crate::pipeline::replayed::ReplayedControls;
-use crate::pose::{TimedPose, TrackingState};
-use crate::recording::{RecordingReader, RecordingSummary, calibration_for, read_both};
+use crate::pose::{self, Calibration, TimedPose, TrackingState};
+use crate::recording::{RecordedTools, RecordingReader, RecordingSummary, ToolPoses, calibration_for, read_tools};
 use crate::settings::LiveSettings;
 use crate::station::Station;
 
@@ -14,6 +14,9 @@ use crate::station::Station;
 pub struct RecordedExam {
     /// `scene_from_probe` at each time; held while the picture was frozen.
     pub poses: Vec<TimedPose>,
+    /// `scene_from_needle` at each time at which it was known; held while the picture was frozen. Empty without a
+    /// tracked needle.
+    pub needle: Vec<TimedPose>,
     /// Image depth at each pose, mm.
     pub depths_mm: Vec<f64>,
     /// Source of the poses: `session`, or `tracker` with the station's calibration.
@@ -31,25 +34,39 @@ impl RecordedExam {
     /// # Errors
     /// A recording or calibration that can't be read, or no pose.
     pub fn read(path: &Path, station: &Station) -> Result<Self, ReplayError> {
-        let (raw, used, summary) = read_both(RecordingReader::open(path)?)?;
+        let RecordedTools { probe, needle, summary } = read_tools(RecordingReader::open(path)?)?;
         summary.warn_of_damage(path);
-        let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
-            let calibration = calibration_for(path, &summary, station.pose_settings()?.calibration);
-            (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
-        } else {
-            let shown = used.iter().filter(|p| p.state <= TrackingState::Stuck);
-            let timed = |host_time_ns: u64, pose| TimedPose { host_time_ns, device_time_us: host_time_ns / 1000, pose };
-            (shown.map(|p| timed(p.host_time_ns, p.pose)).collect(), "session")
+        let source = if probe.used.is_empty() { "tracker" } else { "session" };
+        let in_scene = |tool: &ToolPoses, settings: pose::Settings| {
+            let calibration = calibration_for(path, &summary, settings.calibration);
+            poses_in_scene(tool, &calibration)
+        };
+        let mut poses = in_scene(&probe, station.pose_settings()?);
+        let mut needle = match needle.is_empty() {
+            true => Vec::new(),
+            false => station.needle_settings()?.map_or_else(Vec::new, |needed| in_scene(&needle, needed.settings)),
         };
         if poses.is_empty() {
             return Err(ReplayError::NoPose { path: path.to_owned() });
         }
         let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, generator: false };
+        shown(&mut needle, &mut ReplayedControls::new(begin, &summary.events));
         let mut controls = ReplayedControls::new(begin, &summary.events);
         let refused = controls.refused().to_vec();
         let depths_mm = shown(&mut poses, &mut controls);
-        Ok(Self { poses, depths_mm, source, summary, refused })
+        Ok(Self { poses, needle, depths_mm, source, summary, refused })
     }
+}
+
+/// Poses of a tool in the scene: those of the session that were shown, or else the measured ones by `calibration`.
+fn poses_in_scene(tool: &ToolPoses, calibration: &Calibration) -> Vec<TimedPose> {
+    if tool.used.is_empty() {
+        let in_scene = |timed: &TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..*timed };
+        return tool.measured.iter().map(in_scene).collect();
+    }
+    let shown = tool.used.iter().filter(|used| used.state <= TrackingState::Stuck);
+    let timed = |host_time_ns: u64, pose| TimedPose { host_time_ns, device_time_us: host_time_ns / 1000, pose };
+    shown.map(|used| timed(used.host_time_ns, used.pose)).collect()
 }
 
 /// Holds the pose while the picture is frozen. Returns the image depth at each pose, mm.

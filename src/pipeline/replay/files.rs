@@ -99,6 +99,9 @@ pub struct FrameEntry {
     index: usize,
     time_s: f64,
     pose: PoseRecord,
+    /// Pose of the needle; `None` where it is unknown, and without a needle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    needle: Option<PoseRecord>,
     held: bool,
 }
 
@@ -215,7 +218,9 @@ impl Replay {
     fn entry(&self, index: usize) -> FrameEntry {
         let timeline = &self.timeline;
         let (time_s, held) = (timeline.seconds(index), timeline.is_held(index));
-        FrameEntry { index, time_s, pose: PoseRecord::from(&timeline.poses[index]), held }
+        let needle = timeline.needles.get(index).copied().flatten();
+        let needle = needle.map(|needle| PoseRecord::from(&needle.scene_from_needle));
+        FrameEntry { index, time_s, pose: PoseRecord::from(&timeline.poses[index]), needle, held }
     }
 }
 

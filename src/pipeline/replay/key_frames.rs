@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::{ReplayError, Timeline};
 use crate::anatomy::{Bvh, Scene};
 use crate::chooser::Translation;
+use crate::needle::Needle;
 use crate::pose::Pose;
 use crate::quality::{Pair, Scores};
 use crate::recording::Event;
@@ -32,6 +33,8 @@ pub struct KeyFrame {
     /// Time of the scene, s.
     scene_s: f64,
     pose: Pose,
+    /// The needle; none where it is unknown, and without a needle.
+    needle: Option<Needle>,
 }
 
 impl KeyFrame {
@@ -45,7 +48,8 @@ impl KeyFrame {
 pub fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
     let key = |name: String, frame: usize| {
         let pose = *timeline.poses.get(frame)?;
-        Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
+        let needle = timeline.needles.get(frame).copied().flatten();
+        Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose, needle })
     };
     if events.is_empty() {
         let frames = evenly(4, timeline.poses.len());
@@ -161,6 +165,8 @@ impl KeyFrames<'_> {
     ) -> Result<(Vec<Panel>, KeyScores), ReplayError> {
         let Self { lq, hq, translation, station, backend } = self;
         let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
+        lq.renderer.set_needle(key.needle);
+        hq.renderer.set_needle(key.needle);
         lq.render(&key.pose, key.scene_s)?;
         hq.render(&key.pose, key.scene_s)?;
         let (low, high) = (&lq.frame, &hq.frame);

@@ -15,17 +15,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use self::misplaced::MisplacedFrames;
-use super::replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
+use super::replayed::{OtherSetting, ReplayedControls, ReplayedNeedle, ReplayedPoses};
 use crate::anatomy::Scene;
 use crate::chooser::{StillQuality, choose_still};
 use crate::look::{Look, Shape};
 use crate::measuring::scene_name;
-use crate::pose::{Estimator, Pose};
-use crate::recording::{self, Event, RecordingSummary};
-use crate::render::{Backend, Frame, FrameQuality, RenderError, Renderer};
+use crate::needle::Needle;
+use crate::pose::{Estimator, Measurement, Pose};
+use crate::recording::{self, Event, RecordedMeasurements, RecordingSummary};
+use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::{LiveSettings, RenderSettings};
 use crate::sink::FrameRate;
-use crate::station::Station;
+use crate::station::{NeedleTracking, Station};
 use crate::transducer::Probe;
 
 pub use error::ReplayError;
@@ -49,7 +50,8 @@ pub struct ReplayOptions {
     pub quality: Option<FrameQuality>,
     /// Seed; none: the seed of the station.
     pub seed: Option<u32>,
-    /// Whether to interpolate the tracker's raw poses, without the station's calibration and filter.
+    /// Whether to interpolate the tracker's raw poses, without the station's calibration and filter. A tracked needle is
+    /// not shown then, because only its calibration says where its tip is.
     pub raw_poses: bool,
     /// Whether to ignore the settings that were changed in the recorded session.
     pub ignore_controls: bool,
@@ -189,12 +191,13 @@ impl Replay {
             let from = frames.start - self.frames.start;
             renderer.reconfigure(probe, settings)?;
             let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
+            let needles = self.timeline.needles.get(frames.clone()).unwrap_or_default();
             let before = |i| {
                 before(from + i);
                 self.timeline.scene_s(frames.start + i)
             };
             let (pixel_mm, angles) = (renderer.sector().pixel_mm, settings.look.independent_angles(probe));
-            renderer.render_each(poses, before, |i, frame| {
+            render_each(&mut renderer, (poses, needles), before, |i, frame| {
                 let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
                 look.apply(&settings.look, shape, &mut frame.bmode);
                 misplaced.push(frame.contact.and_then(|contact| contact.misplaced));
@@ -208,6 +211,34 @@ impl Replay {
     }
 }
 
+/// Renders frames of `poses` and `needles` in order, with two in flight, as [`Renderer::render_each`] does. `before` is
+/// called before each submission and returns the scene's time, s.
+fn render_each<E: From<RenderError>>(
+    renderer: &mut Renderer,
+    (poses, needles): (&[Pose], &[Option<Needle>]),
+    mut before: impl FnMut(usize) -> f64,
+    mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut frame = Frame::default();
+    let mut done = 0;
+    for (submitted, (pose, needle)) in poses.iter().zip(needles).enumerate() {
+        if submitted - done == FRAMES_IN_FLIGHT {
+            renderer.receive(&mut frame)?;
+            each(done, &mut frame)?;
+            done += 1;
+        }
+        renderer.set_time_s(before(submitted));
+        renderer.set_needle(*needle);
+        renderer.submit(pose)?;
+    }
+    while done < poses.len() {
+        renderer.receive(&mut frame)?;
+        each(done, &mut frame)?;
+        done += 1;
+    }
+    Ok(())
+}
+
 fn timeline(
     path: &Path,
     station: &Station,
@@ -215,16 +246,44 @@ fn timeline(
 ) -> Result<(Timeline, RecordingSummary), ReplayError> {
     if options.raw_poses {
         let (poses, summary) = recording::poses(path)?;
-        return Ok((Timeline::new(&poses, options.rate)?, summary));
+        return Ok((standing(Timeline::new(&poses, options.rate)?, station), summary));
     }
-    let (measurements, summary) = recording::measurements(path, &station.tracker)?;
+    let RecordedMeasurements { probe: measurements, needle, summary } =
+        recording::measurements(path, &station.tracker)?;
     let span = measurements.first().zip(measurements.last());
     let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
     let mut settings = station.pose_settings()?;
     settings.calibration = recording::calibration_for(path, &summary, settings.calibration);
     let estimator = Estimator::new(settings);
     let mut poses = ReplayedPoses::new(estimator, measurements, &summary.events);
-    Ok((Timeline::replayed(&mut poses, first_ns, last_ns, options.rate)?, summary))
+    let needle = replayed_needle(path, station, needle, &summary)?;
+    let is_tracked = needle.is_some();
+    let timeline = Timeline::replayed(&mut poses, needle, first_ns, last_ns, options.rate)?;
+    Ok((if is_tracked { timeline } else { standing(timeline, station) }, summary))
+}
+
+/// The needle of a recording, from the `measurements` of its sensor; `None` if it has none, or the station has no needle.
+fn replayed_needle(
+    path: &Path,
+    station: &Station,
+    measurements: Vec<Measurement>,
+    summary: &RecordingSummary,
+) -> Result<Option<ReplayedNeedle>, ReplayError> {
+    if measurements.is_empty() {
+        return Ok(None);
+    }
+    let Some(NeedleTracking { mut settings, bevel_known }) = station.needle_settings()? else { return Ok(None) };
+    settings.calibration = recording::calibration_for(path, summary, settings.calibration);
+    let poses = ReplayedPoses::new(Estimator::new(settings), measurements, &summary.events);
+    Ok(Some(ReplayedNeedle { poses, bevel_known }))
+}
+
+/// `timeline` with the needle that stands still at the station, if it has one.
+fn standing(timeline: Timeline, station: &Station) -> Timeline {
+    match station.standing_needle() {
+        Some(needle) => timeline.with_standing_needle(needle),
+        None => timeline,
+    }
 }
 
 /// Splits `frames` into runs of equal settings.

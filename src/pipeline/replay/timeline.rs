@@ -1,7 +1,8 @@
 //! A recording's poses, resampled at the times of a video's frames.
 
 use super::ReplayError;
-use crate::pipeline::replayed::ReplayedPoses;
+use crate::needle::Needle;
+use crate::pipeline::replayed::{ReplayedNeedle, ReplayedPoses};
 use crate::pose::{Pose, TimedPose, TrackingState, interpolate};
 use crate::recording::GAP_NS;
 use crate::settings::LiveSettings;
@@ -12,6 +13,8 @@ use crate::sink::FrameRate;
 pub struct Timeline {
     /// Pose of each frame; the previous frame's pose if the pose is unknown.
     pub poses: Vec<Pose>,
+    /// Needle in each frame; `None` where it is unknown, and without a needle.
+    pub needles: Vec<Option<Needle>>,
     /// Host time of each frame, ns.
     pub times_ns: Vec<u64>,
     /// Host time of the scene shown in each frame, ns; held while the picture is frozen.
@@ -20,6 +23,16 @@ pub struct Timeline {
     scene_start_ns: u64,
     /// Whether an earlier pose was held for each frame, because the pose at the frame's time was unknown.
     held: Vec<bool>,
+}
+
+/// Poses for one frame.
+struct Sample {
+    /// Pose of the probe; `None` if it is unknown.
+    pose: Option<Pose>,
+    /// Whether the pose of the probe is known at the frame's time.
+    known: bool,
+    /// The needle; `None` if it is unknown, or without a needle.
+    needle: Option<Needle>,
 }
 
 /// Largest number of frames of a session: 28 hours at ten per second.
@@ -34,34 +47,45 @@ impl Timeline {
         let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(Self::default()) };
         Self::sampled(first.host_time_ns, last.host_time_ns, rate, |time_ns| {
             let pose = interpolate(poses, time_ns, GAP_NS);
-            (pose, pose.is_some())
+            Sample { pose, known: pose.is_some(), needle: None }
         })
     }
 
-    /// Samples the poses that a live session would have known, from `first_ns` to `last_ns` at `rate`. The first frame
-    /// has the first pose.
+    /// Samples the poses of probe and needle that a live session would have known, from `first_ns` to `last_ns` at
+    /// `rate`. The first frame has the first pose of the probe.
     ///
     /// # Errors
     /// Times that span too many frames.
     pub fn replayed(
         poses: &mut ReplayedPoses,
+        mut needle: Option<ReplayedNeedle>,
         first_ns: u64,
         last_ns: u64,
         rate: FrameRate,
     ) -> Result<Self, ReplayError> {
         Self::sampled(first_ns, last_ns, rate, |time_ns| {
             let estimate = poses.at(time_ns);
-            (estimate.scene_from_probe, matches!(estimate.state, TrackingState::Good | TrackingState::Stuck))
+            Sample {
+                pose: estimate.scene_from_probe,
+                known: matches!(estimate.state, TrackingState::Good | TrackingState::Stuck),
+                needle: needle.as_mut().and_then(|needle| needle.at(time_ns)),
+            }
         })
     }
 
-    /// Samples `pose_at` at `rate`; its flag says whether the pose is known at that time. Refuses more than
-    /// `FRAMES_MAX` frames, which usually mean a wrong clock.
+    /// The same timeline with a needle that stands still in all frames.
+    #[must_use]
+    pub fn with_standing_needle(mut self, needle: Needle) -> Self {
+        self.needles.fill(Some(needle));
+        self
+    }
+
+    /// Samples `at` at `rate`. Refuses more than `FRAMES_MAX` frames, which usually mean a wrong clock.
     fn sampled(
         first_ns: u64,
         last_ns: u64,
         rate: FrameRate,
-        mut pose_at: impl FnMut(u64) -> (Option<Pose>, bool),
+        mut at: impl FnMut(u64) -> Sample,
     ) -> Result<Self, ReplayError> {
         let span_ns = u128::from(last_ns.saturating_sub(first_ns));
         let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
@@ -83,10 +107,11 @@ impl Timeline {
             if time_ns > last_ns {
                 break;
             }
-            let (pose, known) = pose_at(time_ns);
+            let Sample { pose, known, needle } = at(time_ns);
             if let Some(pose) = pose.or(timeline.poses.last().copied()) {
                 timeline.held.push(!known);
                 timeline.poses.push(pose);
+                timeline.needles.push(needle);
                 timeline.times_ns.push(time_ns);
                 timeline.scene_times_ns.push(time_ns);
             }
@@ -101,14 +126,15 @@ impl Timeline {
         self
     }
 
-    /// Holds pose and scene time in frozen frames; `live` has the settings of each frame.
+    /// Holds the poses of probe and needle and the scene time in frozen frames; `live` has the settings of each frame.
     pub fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
-        for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
+        let frames = self.poses.iter_mut().zip(&mut self.needles).zip(&mut self.scene_times_ns);
+        for (((pose, needle), time_ns), live) in frames.zip(live) {
             if live.frozen {
-                (*pose, *time_ns) = last.unwrap_or((*pose, *time_ns));
+                (*pose, *needle, *time_ns) = last.unwrap_or((*pose, *needle, *time_ns));
             }
-            last = Some((*pose, *time_ns));
+            last = Some((*pose, *needle, *time_ns));
         }
     }
 
@@ -190,6 +216,20 @@ mod tests {
         assert!((timeline.seconds(2) - 0.2).abs() < 1e-12, "the frame's own time goes on");
         timeline.freeze(&[LiveSettings { frozen: true, ..LiveSettings::default() }]);
         assert_eq!(xs(&timeline)[0], 0.0, "frozen from the start, at the first pose");
+    }
+
+    #[test]
+    fn a_frozen_needle_stands_where_it_was() {
+        let needle = |x: f64| {
+            let scene_from_needle = Pose::from_components([x, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+            Some(Needle { scene_from_needle, bevel_known: true })
+        };
+        let mut timeline = timeline(&[pose(0, 0.0), pose(400, 4.0)], 10.0).with_standing_needle(needle(9.0).unwrap());
+        assert_eq!(timeline.needles, [needle(9.0); 5]);
+        timeline.needles = vec![needle(1.0), None, needle(3.0), needle(4.0), needle(5.0)];
+        let live = [false, false, true, true, false].map(|frozen| LiveSettings { frozen, ..LiveSettings::default() });
+        timeline.freeze(&live);
+        assert_eq!(timeline.needles, [needle(1.0), None, None, None, needle(5.0)]);
     }
 
     #[test]

@@ -62,6 +62,7 @@ fn record(path: &Path, count: u32, pose: impl Fn(f64) -> Pose, lost: impl Fn(u32
         scene: "none".into(),
         start_time_ns: START_NS,
         sensor: None,
+        needle: None,
     };
     let mut writer = RecordingWriter::create(path, &info).unwrap();
     for i in (0..count).filter(|i| !lost(*i)) {

@@ -13,6 +13,7 @@ pub const LIMIT: Duration = Duration::from_secs(30);
 pub struct Heard {
     pub bytes: Vec<u8>,
     pub records: Vec<(u64, Record)>,
+    pub needle: Vec<(u64, Record)>,
     pub events: Vec<TrackerEvent>,
 }
 
@@ -54,6 +55,10 @@ impl Listener for TrackerListener {
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {
         self.change(|heard| heard.records.push((host_time_ns, *record)));
+    }
+
+    fn needle_record(&mut self, host_time_ns: u64, record: &Record) {
+        self.change(|heard| heard.needle.push((host_time_ns, *record)));
     }
 
     fn event(&mut self, _: u64, event: &TrackerEvent) {

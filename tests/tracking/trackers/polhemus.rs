@@ -25,10 +25,12 @@ pub struct State {
     pub station_on: bool,
 }
 
-/// A simulated device with one sensor at station 1.
+/// A simulated device with one sensor at station 1, and with a second one at station 2 of a LIBERTY if wanted.
 #[derive(Debug)]
 pub struct Polhemus {
     pub kind: Kind,
+    /// Number of sensors.
+    pub stations: u8,
     pub state: State,
     /// Duration of a reset.
     pub reset_time: Duration,
@@ -55,6 +57,7 @@ impl Polhemus {
         let rate = if kind == Kind::Fastrak { 120 } else { 240 };
         Self {
             kind,
+            stations: 1,
             state: switched_on(kind),
             reset_time: Duration::from_secs(15),
             resetting: None,
@@ -72,6 +75,12 @@ impl Polhemus {
     /// Position of the sensor at record `n`, cm.
     pub fn position_cm(n: u32) -> [f32; 3] {
         [10.0 + 0.01 * (n % 1000) as f32, -20.0, 30.0]
+    }
+
+    /// Position of the sensor of a station at record `n`, cm.
+    pub fn position_of(station: u8, n: u32) -> [f32; 3] {
+        let [x, y, z] = Self::position_cm(n);
+        [x, y + 40.0 * f32::from(station - 1), z]
     }
 
     /// Receives bytes from the host.
@@ -160,13 +169,13 @@ impl Polhemus {
         let at = self.next_at().filter(|at| *at <= now)?;
         self.next = at + self.period;
         self.records += 1;
-        Some(self.record(self.records - 1, at))
+        Some((1..=self.stations).flat_map(|station| self.record(station, self.records - 1, at)).collect())
     }
 
-    /// Bytes of record `n` with the present settings.
-    fn record(&self, n: u32, at: Duration) -> Vec<u8> {
+    /// Bytes of record `n` of a station with the present settings.
+    fn record(&self, station: u8, n: u32, at: Duration) -> Vec<u8> {
         let scale = if self.state.centimetres { 1.0 } else { 1.0 / 2.54 };
-        let position = Self::position_cm(n).map(|cm| cm * scale);
+        let position = Self::position_of(station, n).map(|cm| cm * scale);
         let mut payload = Vec::new();
         let floats = |payload: &mut Vec<u8>, values: &[f32]| {
             for value in values {
@@ -194,9 +203,9 @@ impl Polhemus {
             }
         }
         let mut record = match self.kind {
-            Kind::Fastrak => b"01 ".to_vec(),
+            Kind::Fastrak => vec![b'0', b'0' + station, b' '],
             Kind::Liberty if self.state.binary => {
-                let mut head = b"LY\x01C\x00\x00".to_vec();
+                let mut head = vec![b'L', b'Y', station, b'C', 0, 0];
                 head.extend((payload.len() as u16).to_le_bytes());
                 head
             }

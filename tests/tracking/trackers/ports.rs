@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use insonify::pose::{Pose, Reading};
-use insonify::tracker::{PortName, Protocol, Settings, TrackerEvent, Transport, ascii_line};
+use insonify::tracker::{NeedleSensor, PortName, Protocol, Record, Settings, TrackerEvent, Transport, ascii_line};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
@@ -289,4 +289,30 @@ fn a_silent_line_is_reported_and_reopened() {
     assert!(for_ >= Duration::from_millis(60) && attempt == 1);
     terminal.order(Order::Mute(false));
     live.listener.more_records(20);
+}
+
+#[test]
+fn two_stations_of_a_liberty_are_probe_and_needle() {
+    let (_dir, link) = place();
+    let mut device = polhemus(Kind::Liberty);
+    device.stations = 2;
+    let _terminal = Terminal::plug_in(&link, device);
+    let mut settings = serial(&link, Protocol::Liberty);
+    settings.device.needle = Some(NeedleSensor::Number(2));
+    let live = Live::start(&settings);
+    live.listener.wait("records of both", |heard| {
+        (heard.records.len() >= 50 && heard.needle.len() >= 50).then(|| {
+            let at_y = |records: &[(u64, Record)], y_mm: f64| {
+                records.iter().all(|(_, record)| (position_mm(record.reading).y - y_mm).abs() < 1e-3)
+            };
+            assert!(at_y(&heard.records, -200.0) && at_y(&heard.needle, 200.0));
+            assert!(heard.needle.iter().all(|(_, record)| record.sensor == 2));
+            // Both stations report at each tick of the device's clock.
+            let [probe, needle] = [&heard.records, &heard.needle].map(|records| records[10].1);
+            assert_eq!((probe.sequence, probe.device_time_us), (needle.sequence, needle.device_time_us));
+        })
+    });
+    live.listener.wait("no event of another sensor", |heard| {
+        heard.events.iter().all(|event| !matches!(event, TrackerEvent::OtherSensor { .. })).then_some(())
+    });
 }

@@ -3,9 +3,13 @@
 //! Frame of the needle: origin at the tip, z along the shaft from the hub to the tip, x to the side that the bevel's
 //! facet faces.
 
+mod estimate;
+
 use glam::DVec3;
 
 use crate::pose::Pose;
+
+pub use estimate::NeedleEstimate;
 
 /// The needle at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]

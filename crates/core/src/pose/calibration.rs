@@ -185,6 +185,7 @@ impl Calibration {
             scene_from_tracker: self.scene_from_tracker.map(Transform::of),
             sensor_from_probe: self.sensor_from_probe.map(Transform::of),
             stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
+            needle: None,
         };
         let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
         // Serialisation of numbers and tables with fixed names cannot fail.
@@ -233,6 +234,9 @@ struct File {
     sensor_from_probe: Option<Transform>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stylus: Option<Stylus>,
+    /// Mounting of the needle's sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    needle: Option<toml::Table>,
 }
 
 #[derive(Serialize, Deserialize)]

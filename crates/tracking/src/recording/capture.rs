@@ -13,8 +13,8 @@ use tokio_util::sync::CancellationToken;
 use super::{RecorderHandle, event_of, spawn};
 use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::{
-    Listener, Monitor, ProbeSensor, Protocol, Record, SensorName, SensorReport, SessionHandle, SessionSummary,
-    Settings, TrackerError, TrackerEvent, TrackerReport, Transport, host_time_ns,
+    Listener, Monitor, Protocol, Record, SensorName, SensorReport, SessionHandle, SessionSummary, Settings,
+    TrackerError, TrackerEvent, TrackerReport, TrackerStream, Transport, host_time_ns,
 };
 
 /// Longest wait of a stream or a played recording for a slow disk. A live tracker never waits.
@@ -48,14 +48,14 @@ impl Capture {
         Ok(Self { tap, source: Source::Tracker(session, cancel) })
     }
 
-    /// Reads bytes of `protocol` from `stream` on a separate thread. `sensor` chooses the probe. The thread is
-    /// abandoned if the stream never ends.
+    /// Reads bytes of `protocol` from `stream` on a separate thread. `sensor` and `needle` choose the tools. The thread
+    /// is abandoned if the stream never ends.
     ///
     /// # Errors
     /// The thread can't be started.
     pub fn of_stream(
         stream: impl Read + Send + 'static,
-        (protocol, sensor): (Protocol, Option<ProbeSensor>),
+        TrackerStream { protocol, sensor, needle }: TrackerStream,
         recorder: RecorderHandle,
     ) -> io::Result<Self> {
         let tap = Tap::new(recorder, PATIENCE);
@@ -63,7 +63,7 @@ impl Capture {
         let reads = tap.clone();
         let read = move || {
             // The receiver is gone if the recording has already ended for another reason.
-            let _ = end.send(reads.read(stream, protocol, Selection::new(sensor)));
+            let _ = end.send(reads.read(stream, protocol, Selection::new(sensor, needle)));
         };
         thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
         Ok(Self { tap, source: Source::Stream(ended) })
@@ -133,6 +133,7 @@ impl Tap {
         let is_new = selection.heard().len() > before;
         match verdict {
             Verdict::Probe => self.record(now_ns, &record),
+            Verdict::Needle => self.needle_record(now_ns, &record),
             Verdict::Undecided if is_new => {
                 self.event(now_ns, &TrackerEvent::Undecided { heard: selection.heard().to_vec() });
             }
@@ -179,6 +180,10 @@ impl Listener for Tap {
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {
         self.monitor.record(host_time_ns, record);
+    }
+
+    fn needle_record(&mut self, host_time_ns: u64, record: &Record) {
+        self.monitor.needle_record(host_time_ns, record);
     }
 
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {

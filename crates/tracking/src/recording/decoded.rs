@@ -8,17 +8,21 @@ use insonify_core::pose::{Measurement, Reading};
 use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::tracker::arrival::StampedBuffer;
 use crate::tracker::selection::{Selection, Verdict};
-use crate::tracker::{AxisMap, Decoder, ProbeSensor, Record, Settings, Transport, counter_step};
+use crate::tracker::{AxisMap, Decoder, NeedleSensor, ProbeSensor, Record, Settings, Transport, counter_step};
 
 /// Item of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Item {
-    /// A measurement of the selected sensor, with the host time of its first byte.
+    /// A measurement of the probe's sensor, with the host time of its first byte.
     Measurement(Measurement),
+    /// A measurement of the needle's sensor, with the host time of its first byte.
+    NeedleMeasurement(Measurement),
     /// An event.
     Event(Event),
-    /// A pose used by the session.
+    /// A pose of the probe used by the session.
     Pose(SessionPose),
+    /// A pose of the needle used by the session.
+    NeedlePose(SessionPose),
 }
 
 /// Decodes a recording by its own protocol, in the order of the live session.
@@ -43,8 +47,8 @@ impl<R: Read> DecodedRecording<R> {
     }
 
     /// Decodes the recording of `reader` with the range and axis map of a puck (3D mouse) in `settings`, as a live
-    /// session does. Protocol and sensor come from the recording. If no sensor was chosen for it, the choice in
-    /// `settings` applies, provided that it fits the recording's protocol.
+    /// session does. Protocol and sensors come from the recording. If no sensor was chosen for it, or none for the
+    /// needle, the choice in `settings` applies, provided that it fits the recording's protocol.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
@@ -62,7 +66,15 @@ impl<R: Read> DecodedRecording<R> {
             }
             chosen => chosen.clone(),
         };
-        let selection = Selection::new(wanted);
+        let needle = info.needle.clone().or_else(|| {
+            let is_possible = |needle: &NeedleSensor| match needle {
+                NeedleSensor::Tool(_) => info.protocol.has_names(),
+                NeedleSensor::Number(_) => true,
+            };
+            let given = settings.device.needle.clone().filter(|needle| is_for_these && is_possible(needle));
+            given.filter(|needle| !wanted.as_ref().is_some_and(|probe| needle.is_chosen_by(probe)))
+        });
+        let selection = Selection::new(wanted, needle);
         let summary = RecordingSummary { info, ..RecordingSummary::default() };
         let (buffer, items) = (StampedBuffer::default(), VecDeque::new());
         Self { reader, decoder, axis_map, selection, buffer, items, sequence: None, summary, ended: false }
@@ -84,6 +96,10 @@ impl<R: Read> DecodedRecording<R> {
                     self.summary.session_poses += 1;
                     self.items.push_back(Item::Pose(pose));
                 }
+                Some(Entry::NeedlePose(pose)) => {
+                    self.summary.needle_session_poses += 1;
+                    self.items.push_back(Item::NeedlePose(pose));
+                }
                 None => {
                     self.ended = true;
                     if let Err(error) = self.decoder.finish(&mut self.buffer.bytes) {
@@ -101,6 +117,7 @@ impl<R: Read> DecodedRecording<R> {
         self.summary.settings = self.reader.settings().cloned();
         self.summary.sensor = self.selection.used().cloned();
         self.summary.undecided = self.selection.is_undecided();
+        self.summary.needle = self.selection.needle().cloned();
         self.summary
     }
 
@@ -125,9 +142,18 @@ impl<R: Read> DecodedRecording<R> {
         if let Some(sensor) = at.and_then(|at| self.selection.heard().get(at)) {
             self.summary.heard(sensor, host_time_ns, record.reading != Reading::OutOfView);
         }
-        if verdict != Verdict::Probe {
-            self.summary.other_sensors += 1;
-            return;
+        match verdict {
+            Verdict::Probe => {}
+            Verdict::Needle => {
+                self.summary.needle_records += 1;
+                let measurement = measurement(host_time_ns, &self.axis_map.apply(record));
+                self.items.push_back(Item::NeedleMeasurement(measurement));
+                return;
+            }
+            Verdict::Other | Verdict::Undecided => {
+                self.summary.other_sensors += 1;
+                return;
+            }
         }
         let last = std::mem::replace(&mut self.sequence, record.sequence);
         let (missing, reversed) = counter_step(last, record.sequence);
@@ -137,11 +163,12 @@ impl<R: Read> DecodedRecording<R> {
         if !matches!(record.reading, Reading::Pose(_)) {
             self.summary.without_pose += 1;
         }
-        self.items.push_back(Item::Measurement(Measurement {
-            host_time_ns,
-            device_time_us: record.device_time_us,
-            sequence: record.sequence,
-            reading: record.reading,
-        }));
+        self.items.push_back(Item::Measurement(measurement(host_time_ns, &record)));
     }
+}
+
+/// Measurement of a record whose first byte arrived at `host_time_ns`.
+fn measurement(host_time_ns: u64, record: &Record) -> Measurement {
+    let Record { device_time_us, sequence, reading, .. } = *record;
+    Measurement { host_time_ns, device_time_us, sequence, reading }
 }

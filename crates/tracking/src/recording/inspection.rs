@@ -3,11 +3,12 @@
 use std::fmt;
 use std::path::Path;
 
-use insonify_core::pose::TimedPose;
 use insonify_core::settings::mark::clean;
 use serde::Serialize;
 
-use super::{Event, MarkReport, Marks, RecordedSensor, RecordingReport, RecordingSummary, SessionSettings, Timing};
+use super::{
+    Event, MarkReport, Marks, RecordedSensor, RecordedTools, RecordingReport, RecordingSummary, SessionSettings, Timing,
+};
 
 /// Content of a recording. [`Display`](fmt::Display) formats it as a text table.
 #[derive(Debug, Clone, Serialize)]
@@ -25,6 +26,9 @@ pub struct Inspection<'a> {
     poses: usize,
     without_pose: u64,
     session_poses: u64,
+    /// The needle's sensor and poses; `None` without a tracked needle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    needle: Option<NeedleInspection<'a>>,
     timing: Option<&'a Timing>,
     damage: &'a [String],
     events: &'a [Event],
@@ -37,9 +41,36 @@ pub struct Inspection<'a> {
     summary: &'a RecordingSummary,
 }
 
+/// Poses of the needle in a recording.
+#[derive(Debug, Clone, Serialize)]
+struct NeedleInspection<'a> {
+    sensor: Option<u16>,
+    /// Name of the needle's tool, if the protocol names tools.
+    tool: Option<&'a str>,
+    records: u64,
+    poses: usize,
+    session_poses: u64,
+}
+
+impl<'a> NeedleInspection<'a> {
+    /// Poses of the needle in `tools`; `None` without a tracked needle.
+    fn of(tools: &'a RecordedTools) -> Option<Self> {
+        let RecordingSummary { info, needle, needle_records: records, needle_session_poses: session_poses, .. } =
+            &tools.summary;
+        (info.needle.is_some() || *records > 0 || *session_poses > 0).then(|| Self {
+            sensor: needle.as_ref().map(|sensor| sensor.number),
+            tool: needle.as_ref().and_then(|sensor| sensor.name.as_deref()),
+            records: *records,
+            poses: tools.needle.measured.len(),
+            session_poses: *session_poses,
+        })
+    }
+}
+
 impl<'a> Inspection<'a> {
-    /// Content of the recording at `path`, from the results of [`read_all`](super::read_all).
-    pub fn new(path: &Path, poses: &[TimedPose], summary: &'a RecordingSummary) -> Self {
+    /// Content of the recording at `path`, from the result of [`read_tools`](super::read_tools).
+    pub fn new(path: &Path, tools: &'a RecordedTools) -> Self {
+        let (poses, summary) = (&tools.probe.measured, &tools.summary);
         let (start_ns, marks) = (summary.info.start_time_ns, Marks::of(&summary.events));
         Self {
             recording: RecordingReport::new(path, summary),
@@ -53,6 +84,7 @@ impl<'a> Inspection<'a> {
             poses: poses.len(),
             without_pose: summary.without_pose,
             session_poses: summary.session_poses,
+            needle: NeedleInspection::of(tools),
             timing: summary.timing.as_ref(),
             damage: &summary.damage.damaged_first,
             events: &summary.events,
@@ -61,6 +93,14 @@ impl<'a> Inspection<'a> {
             settings: summary.settings.as_ref(),
             summary,
         }
+    }
+}
+
+/// Ends a line about poses with the number of those that the session used.
+fn used(f: &mut fmt::Formatter<'_>, poses: u64) -> fmt::Result {
+    match poses {
+        0 => writeln!(f),
+        used => writeln!(f, ", and {used} that the session used"),
     }
 }
 
@@ -84,9 +124,14 @@ impl fmt::Display for Inspection<'_> {
             self.sensors.iter().try_for_each(|sensor| writeln!(f, "heard      {sensor}"))?;
         }
         write!(f, "poses      {}", self.poses)?;
-        match self.session_poses {
-            0 => writeln!(f)?,
-            used => writeln!(f, ", and {used} that the session used")?,
+        used(f, self.session_poses)?;
+        if let Some(NeedleInspection { poses, session_poses, .. }) = &self.needle {
+            match (&self.summary.needle, &self.summary.info.needle) {
+                (Some(sensor), _) => write!(f, "needle     {sensor}: {poses} poses")?,
+                (None, Some(wanted)) => write!(f, "needle     {wanted}: not heard")?,
+                (None, None) => write!(f, "needle     {poses} poses")?,
+            }
+            used(f, *session_poses)?;
         }
         if let Some(Timing { rate_hz, p50_ms, p95_ms, max_ms, jitter_ms, gap_count, gaps }) = self.timing {
             let what = if self.poses > 0 { "poses" } else { "records" };

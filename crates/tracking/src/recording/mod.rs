@@ -7,6 +7,7 @@
 //! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as received from the tracker, split anywhere; `log_time` is the arrival of the message's first byte |
 //! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: a marked moment, for example a key frame, or a changed control; `value` is optional |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
+//! | [`NEEDLE_POSE_TOPIC`] | as [`POSE_TOPIC`] | `scene_from_needle` as the session used it; only in sessions with a needle |
 //!
 //! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes to
 //! find in a session. Events whose names begin with `truth.` describe a generated session, for training. Reports on a
@@ -15,7 +16,8 @@
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns` and `format_version`. The choice of the probe among several sensors is `sensor` (a number), `tool`
 //! (a name; `format_version` is 2 then), or `probe` = `only` if none was chosen. Without any of these, the first
-//! sensor received is the probe. A `device` that begins with `imported from` marks poses that are `scene_from_probe`
+//! sensor received is the probe. The choice of the needle is `needle_sensor` or `needle_tool` (`format_version` is 3
+//! then). A `device` that begins with `imported from` marks poses that are `scene_from_probe`
 //! already: no station's calibration applies to them.
 //!
 //! The bytes come from one sender: datagrams of a second sender are left out, and an event names it.
@@ -31,7 +33,7 @@ use insonify_core::files::FileError;
 use insonify_core::pose::{Pose, TrackingState};
 use thiserror::Error;
 
-use crate::tracker::{ProbeSensor, Protocol, TrackerEvent, UnknownProtocol};
+use crate::tracker::{NeedleSensor, ProbeSensor, Protocol, TrackerEvent, TrackerStream, UnknownProtocol};
 
 #[cfg(feature = "recordings")]
 mod attached;
@@ -94,9 +96,9 @@ pub use playback::{RecordingPlayback, spawn, stream_of};
 pub use poses::calibration_for;
 pub use poses::poses;
 #[cfg(feature = "recordings")]
-pub use poses::read_both;
+pub use poses::{RecordedMeasurements, measurements, poses_of, read_all};
 #[cfg(feature = "recordings")]
-pub use poses::{measurements, poses_of, read_all};
+pub use poses::{RecordedTools, ToolPoses, read_tools};
 #[cfg(feature = "recordings")]
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
@@ -117,14 +119,18 @@ pub const EVENT_TOPIC: &str = "/exam/events";
 /// Channel of the poses used by a session.
 pub const POSE_TOPIC: &str = "/probe/pose";
 
+/// Channel of the needle's poses used by a session.
+pub const NEEDLE_POSE_TOPIC: &str = "/needle/pose";
+
 /// Name of the metadata record with a session's settings.
 pub const SETTINGS_NAME: &str = "insonify.settings";
 
 /// Name of the attachment with the text of the station file.
 pub const STATION_NAME: &str = "station.toml";
 
-/// Latest version of this format; readers refuse later versions. Version 2 can name a tool as the probe.
-pub const FORMAT_VERSION: u32 = 2;
+/// Latest version of this format; readers refuse later versions. Version 2 can name a tool as the probe, version 3 the
+/// needle's sensor.
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Prefix of `device` in imported recordings. Their poses are `scene_from_probe` already, so no calibration applies.
 pub(crate) const IMPORTED: &str = "imported from ";
@@ -147,6 +153,15 @@ pub struct RecordingInfo {
     pub start_time_ns: u64,
     /// Choice of the probe among several sensors; `None` takes the first sensor received, as earlier builds did.
     pub sensor: Option<ProbeSensor>,
+    /// Choice of the needle; `None` if no needle was tracked.
+    pub needle: Option<NeedleSensor>,
+}
+
+impl RecordingInfo {
+    /// Protocol of the bytes, and the sensors of probe and needle.
+    pub fn stream(&self) -> TrackerStream {
+        TrackerStream { protocol: self.protocol, sensor: self.sensor.clone(), needle: self.needle.clone() }
+    }
 }
 
 /// Settings of a session. Together with the tracker's bytes and the events, they determine its frames.
@@ -212,7 +227,7 @@ pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
 pub struct SessionPose {
     /// Time for which the pose was estimated, ns since 1970 (UTC).
     pub host_time_ns: u64,
-    /// `scene_from_probe`.
+    /// `scene_from_probe`, or `scene_from_needle` of a needle's pose.
     pub pose: Pose,
     /// Tracking state of the pose.
     pub state: TrackingState,
@@ -230,8 +245,10 @@ pub enum Entry {
     },
     /// An event.
     Event(Event),
-    /// A pose used by the session.
+    /// A pose of the probe used by the session.
     Pose(SessionPose),
+    /// A pose of the needle used by the session.
+    NeedlePose(SessionPose),
 }
 
 /// Errors in reading or writing a recording.

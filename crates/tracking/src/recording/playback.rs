@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use tokio_util::sync::CancellationToken;
 
-use super::{Entry, RecordingError, RecordingInfo, RecordingReader};
+use super::{Entry, RecordingError, RecordingReader};
 use crate::tracker::{
-    self, Listener, Playback, PlaybackError, ProbeSensor, Protocol, SessionHandle, Settings, TrackerError, Transport,
+    self, Listener, Playback, PlaybackError, SessionHandle, Settings, TrackerError, TrackerStream, Transport,
 };
 
 /// Starts the session of a station's tracker, or plays the recording that the settings name instead.
@@ -28,15 +28,15 @@ pub fn spawn(
     }
 }
 
-/// Protocol of a tracker's bytes and choice of the probe, from the station's settings or from the recording that they
-/// name. A choice of `None` takes the first sensor received.
+/// Protocol of a tracker's bytes and the sensors of its tools, from the station's settings or from the recording that
+/// they name.
 ///
 /// # Errors
 /// The recording can't be read.
-pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<ProbeSensor>), RecordingError> {
+pub fn stream_of(settings: &Settings) -> Result<TrackerStream, RecordingError> {
     let Transport::Recording { path, .. } = &settings.transport else { return Ok(settings.stream(None)) };
-    let RecordingInfo { protocol, sensor, .. } = RecordingReader::open(path)?.info().clone();
-    Ok(settings.stream(Some((protocol, sensor))))
+    let recorded = RecordingReader::open(path)?.info().stream();
+    Ok(settings.stream(Some(recorded)))
 }
 
 impl From<RecordingError> for TrackerError {
@@ -77,12 +77,8 @@ impl Playback for RecordingPlayback {
         self.path.display().to_string()
     }
 
-    fn protocol(&self) -> Protocol {
-        self.reader.info().protocol
-    }
-
-    fn sensor(&self) -> Option<ProbeSensor> {
-        self.reader.info().sensor.clone()
+    fn stream(&self) -> TrackerStream {
+        self.reader.info().stream()
     }
 
     fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError> {

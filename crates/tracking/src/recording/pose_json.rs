@@ -30,6 +30,11 @@ pub(super) const SCHEMA: &str = r#"{
   }
 }"#;
 
+/// JSON schema of a message about the needle.
+pub(super) fn needle_schema() -> String {
+    SCHEMA.replace("scene_from_probe", "scene_from_needle")
+}
+
 /// Writes a message into `out`, replacing its content.
 pub(super) fn encode(pose: &SessionPose, out: &mut String) {
     out.clear();
@@ -105,6 +110,8 @@ mod tests {
         let schema: serde_json::Value = serde_json::from_str(SCHEMA).unwrap();
         let states = TrackingState::ALL.map(TrackingState::name);
         assert_eq!(schema["properties"]["state"]["enum"], serde_json::json!(states));
+        let schema: serde_json::Value = serde_json::from_str(&needle_schema()).unwrap();
+        assert_eq!(schema["description"], "scene_from_needle as the session used it");
     }
 
     #[test]

@@ -39,25 +39,40 @@ pub fn poses_of<R: Read>(
     Ok((poses, summary))
 }
 
-/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which only
-/// an estimator turns into poses. `settings` have the range and axis map of a puck (3D mouse).
+/// Measurements of a recording, ascending in host time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedMeasurements {
+    /// Measurements of the probe's sensor.
+    pub probe: Vec<Measurement>,
+    /// Measurements of the needle's sensor; empty without a tracked needle.
+    pub needle: Vec<Measurement>,
+    /// Content of the recording.
+    pub summary: RecordingSummary,
+}
+
+/// All measurements of the recording at `path`. They include rates and orientations, which only an estimator turns into
+/// poses. `settings` have the range and axis map of a puck (3D mouse), and the needle's sensor if the recording names
+/// none.
 ///
 /// # Errors
-/// The file cannot be read, is not a recording, or has no measurement with the sensor in view.
-pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
+/// The file cannot be read, is not a recording, or has no measurement with the probe's sensor in view.
+pub fn measurements(path: &Path, settings: &Settings) -> Result<RecordedMeasurements, RecordingError> {
     let mut decoded = DecodedRecording::with_settings(RecordingReader::open(path)?, settings);
-    let mut measurements = Vec::new();
+    let (mut probe, mut needle) = (Vec::new(), Vec::new());
     while let Some(item) = decoded.next_item()? {
-        if let Item::Measurement(measurement) = item {
-            measurements.push(measurement);
+        match item {
+            Item::Measurement(measurement) => probe.push(measurement),
+            Item::NeedleMeasurement(measurement) => needle.push(measurement),
+            Item::Event(_) | Item::Pose(_) | Item::NeedlePose(_) => {}
         }
     }
     let mut summary = decoded.finish();
-    order(&mut measurements, &mut summary, |measurement| measurement.host_time_ns);
-    if measurements.iter().all(|measurement| measurement.reading == Reading::OutOfView) {
+    order(&mut probe, &mut summary, |measurement| measurement.host_time_ns);
+    summary.time_reversals += keep_in_order(&mut needle, |measurement| measurement.host_time_ns);
+    if probe.iter().all(|measurement| measurement.reading == Reading::OutOfView) {
         return Err(no_pose(path, &summary));
     }
-    Ok((measurements, summary))
+    Ok(RecordedMeasurements { probe, needle, summary })
 }
 
 impl RecordingInfo {
@@ -118,39 +133,76 @@ fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
 /// # Errors
 /// The source cannot be read.
 pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
-    read_both(reader).map(|(poses, _, summary)| (poses, summary))
+    read_tools(reader).map(|RecordedTools { probe, summary, .. }| (probe.measured, summary))
 }
 
-/// Like [`read_all`], but also returns the poses that the session used, ascending in host time.
+/// Poses of one tool in a recording, ascending in host time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ToolPoses {
+    /// Poses measured by the tool's sensor, in the tracker's frame.
+    pub measured: Vec<TimedPose>,
+    /// Poses of the tool in the scene, as the session used them.
+    pub used: Vec<SessionPose>,
+}
+
+impl ToolPoses {
+    /// Whether the recording has no pose of the tool.
+    pub fn is_empty(&self) -> bool {
+        self.measured.is_empty() && self.used.is_empty()
+    }
+
+    /// Adds the pose of a measurement, if it has one.
+    fn push(&mut self, measurement: &Measurement) {
+        let Measurement { host_time_ns, device_time_us, reading, .. } = *measurement;
+        if let Reading::Pose(pose) = reading {
+            let device_time_us = device_time_us.unwrap_or(host_time_ns / 1000);
+            self.measured.push(TimedPose { host_time_ns, device_time_us, pose });
+        }
+    }
+}
+
+/// Poses of a recording, each tool's apart.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RecordedTools {
+    /// Poses of the probe.
+    pub probe: ToolPoses,
+    /// Poses of the needle; empty without a tracked needle.
+    pub needle: ToolPoses,
+    /// Content of the recording.
+    pub summary: RecordingSummary,
+}
+
+/// Like [`read_all`], but also returns the poses of the needle, and the poses that the session used.
 ///
 /// # Errors
 /// The source cannot be read.
-pub fn read_both<R: Read>(
-    reader: RecordingReader<R>,
-) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
+pub fn read_tools<R: Read>(reader: RecordingReader<R>) -> Result<RecordedTools, RecordingError> {
     let mut decoded = DecodedRecording::new(reader);
-    let (mut poses, mut used, mut times_ns) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut probe, mut needle, mut times_ns) = (ToolPoses::default(), ToolPoses::default(), Vec::new());
     while let Some(item) = decoded.next_item()? {
         match item {
-            Item::Measurement(m) => {
-                times_ns.push(m.host_time_ns);
-                if let Reading::Pose(pose) = m.reading {
-                    let device_time_us = m.device_time_us.unwrap_or(m.host_time_ns / 1000);
-                    poses.push(TimedPose { host_time_ns: m.host_time_ns, device_time_us, pose });
-                }
+            Item::Measurement(measurement) => {
+                times_ns.push(measurement.host_time_ns);
+                probe.push(&measurement);
             }
-            Item::Pose(pose) => used.push(pose),
+            Item::NeedleMeasurement(measurement) => needle.push(&measurement),
+            Item::Pose(pose) => probe.used.push(pose),
+            Item::NeedlePose(pose) => needle.used.push(pose),
             Item::Event(_) => {}
         }
     }
     let mut summary = decoded.finish();
-    order(&mut poses, &mut summary, |pose| pose.host_time_ns);
+    order(&mut probe.measured, &mut summary, |pose| pose.host_time_ns);
+    summary.time_reversals += keep_in_order(&mut needle.measured, |pose| pose.host_time_ns);
     // A puck's rates and orientations are not poses, but they count for the duration of the recording.
     keep_in_order(&mut times_ns, |time_ns| *time_ns);
     span(times_ns.iter().copied(), &mut summary);
-    summary.timing = if poses.is_empty() { Timing::of_times(&times_ns) } else { Timing::of(&poses) };
-    used.sort_by_key(|pose| pose.host_time_ns);
-    Ok((poses, used, summary))
+    let measured = &probe.measured;
+    summary.timing = if measured.is_empty() { Timing::of_times(&times_ns) } else { Timing::of(measured) };
+    for tool in [&mut probe, &mut needle] {
+        tool.used.sort_by_key(|pose| pose.host_time_ns);
+    }
+    Ok(RecordedTools { probe, needle, summary })
 }
 
 #[cfg(test)]
@@ -180,7 +232,7 @@ mod tests {
         writer.raw(1, &[1, 10, 0, 20, 0, 30, 0, 0, 0, 0, 0, 0, 0]).unwrap();
         writer.finish().unwrap();
         let translation = |settings: &Settings| {
-            let (measurements, _) = measurements(&path, settings).unwrap();
+            let measurements = measurements(&path, settings).unwrap().probe;
             let Reading::Rates { translation, .. } = measurements[0].reading else { panic!("{measurements:?}") };
             translation
         };

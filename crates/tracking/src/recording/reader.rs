@@ -11,10 +11,10 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 
 use super::{
-    EVENT_TOPIC, Entry, Event, FORMAT_VERSION, ONLY, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
-    SessionSettings, attached, mcap_record, part_path, pose_json,
+    EVENT_TOPIC, Entry, Event, FORMAT_VERSION, NEEDLE_POSE_TOPIC, ONLY, POSE_TOPIC, Protocol, RAW_TOPIC,
+    RecordingError, RecordingInfo, SessionSettings, attached, mcap_record, part_path, pose_json,
 };
-use crate::tracker::ProbeSensor;
+use crate::tracker::{NeedleSensor, ProbeSensor};
 
 /// Longest accepted MCAP record, bytes. A larger length field indicates damage.
 const RECORD_LIMIT: usize = 64 << 20;
@@ -66,6 +66,7 @@ enum Topic {
     Raw,
     Event,
     Pose,
+    NeedlePose,
 }
 
 impl RecordingReader<BufReader<File>> {
@@ -252,6 +253,8 @@ impl<R: Read> McapFile<R> {
             self.topics.insert(channel.id, Topic::Event);
         } else if channel.topic == POSE_TOPIC && channel.message_encoding == "json" {
             self.topics.insert(channel.id, Topic::Pose);
+        } else if channel.topic == NEEDLE_POSE_TOPIC && channel.message_encoding == "json" {
+            self.topics.insert(channel.id, Topic::NeedlePose);
         }
         Ok(())
     }
@@ -271,8 +274,9 @@ impl<R: Read> McapFile<R> {
                 }
                 Err(error) => self.damaged(format!("an event in the record at byte {offset}: {error}")),
             },
-            Some(Topic::Pose) => match pose_json::decode(host_time_ns, data) {
-                Ok(pose) => self.entries.push_back(Entry::Pose(pose)),
+            Some(topic @ (Topic::Pose | Topic::NeedlePose)) => match pose_json::decode(host_time_ns, data) {
+                Ok(pose) if *topic == Topic::Pose => self.entries.push_back(Entry::Pose(pose)),
+                Ok(pose) => self.entries.push_back(Entry::NeedlePose(pose)),
                 Err(error) => self.damaged(format!("a pose in the record at byte {offset}: {error}")),
             },
             None => {}
@@ -386,6 +390,13 @@ fn parse_info(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Record
         (None, None, Some(_)) => return Err(wrong("probe", "`only`")),
         (None, None, None) => None,
     };
+    let number = text("needle_sensor").map(|v| v.parse().map_err(|_| wrong("needle_sensor", "in 0..=65535")));
+    let needle = match (number.transpose()?, text("needle_tool")) {
+        (Some(number), _) => Some(NeedleSensor::Number(number)),
+        (None, Some(tool)) if protocol.has_names() => Some(NeedleSensor::Tool(tool.to_owned())),
+        (None, Some(_)) => return Err(wrong("needle_tool", "absent: sensors of this protocol have numbers")),
+        (None, None) => None,
+    };
     let start_time_ns = text("start_time_ns").and_then(|v| v.parse().ok());
     Ok(RecordingInfo {
         protocol,
@@ -393,5 +404,6 @@ fn parse_info(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Record
         scene: text("scene").unwrap_or_default().to_owned(),
         start_time_ns: start_time_ns.ok_or_else(|| wrong("start_time_ns", "ns since 1970 (UTC)"))?,
         sensor,
+        needle,
     })
 }

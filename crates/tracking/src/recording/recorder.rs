@@ -58,8 +58,10 @@ pub struct Recorded {
     pub messages: u64,
     /// Number of tracker bytes in these messages.
     pub bytes: u64,
-    /// Number of accepted poses.
+    /// Number of accepted poses of the probe.
     pub poses: u64,
+    /// Number of accepted poses of the needle.
+    pub needle_poses: u64,
     /// Number of accepted events.
     pub events: u64,
     /// Number of messages of any kind that came after the end of the recording.
@@ -116,6 +118,7 @@ struct Batch {
 enum Message {
     Raw { host_time_ns: u64, length: usize },
     Pose(SessionPose),
+    NeedlePose(SessionPose),
     Event(Event),
 }
 
@@ -123,6 +126,7 @@ enum Message {
 trait Store: Send + 'static {
     fn raw(&mut self, host_time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError>;
     fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError>;
+    fn needle_pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError>;
     fn event(&mut self, event: &Event) -> Result<(), RecordingError>;
     fn flush(&mut self) -> Result<(), RecordingError>;
     fn finish(self) -> Result<(), RecordingError>;
@@ -136,6 +140,10 @@ impl Store for RecordingWriter {
 
     fn pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError> {
         self.pose(pose)
+    }
+
+    fn needle_pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError> {
+        self.needle_pose(pose)
     }
 
     fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
@@ -218,9 +226,14 @@ impl RecorderHandle {
         self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
     }
 
-    /// Records a pose used by the session.
+    /// Records a pose of the probe used by the session.
     pub fn pose(&self, pose: SessionPose) {
         self.shared.push(Message::Pose(pose), &[], Duration::ZERO);
+    }
+
+    /// Records a pose of the needle used by the session.
+    pub fn needle_pose(&self, pose: SessionPose) {
+        self.shared.push(Message::NeedlePose(pose), &[], Duration::ZERO);
     }
 
     /// Records an event.
@@ -264,6 +277,7 @@ impl Shared {
         match &message {
             Message::Raw { .. } => queue.recorded.messages += 1,
             Message::Pose(_) => queue.recorded.poses += 1,
+            Message::NeedlePose(_) => queue.recorded.needle_poses += 1,
             Message::Event(_) => queue.recorded.events += 1,
         }
         queue.recorded.bytes += bytes.len() as u64;
@@ -352,6 +366,10 @@ impl Batch {
                 Message::Pose(pose) => {
                     *last_ns = pose.host_time_ns;
                     store.pose(&pose)?;
+                }
+                Message::NeedlePose(pose) => {
+                    *last_ns = pose.host_time_ns;
+                    store.needle_pose(&pose)?;
                 }
                 Message::Event(event) => {
                     *last_ns = event.host_time_ns;

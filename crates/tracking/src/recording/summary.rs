@@ -34,7 +34,11 @@ pub struct RecordingSummary {
     pub sequence_reversals: u64,
     /// Number of records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
-    /// Number of records of sensors other than the probe. If there are several sensors and none was chosen, all records
+    /// Number of records of the needle.
+    pub needle_records: u64,
+    /// Sensor that is the needle; `None` before its first record, or without a needle.
+    pub needle: Option<SensorName>,
+    /// Number of records of sensors other than the tools'. If there are several sensors and none was chosen, all records
     /// count here.
     pub other_sensors: u64,
     /// Sensor that is the probe; `None` before any record, and if there are several sensors and none was chosen.
@@ -47,8 +51,10 @@ pub struct RecordingSummary {
     pub time_reversals: u64,
     /// Events.
     pub events: Vec<Event>,
-    /// Number of recorded poses used by the session.
+    /// Number of recorded poses of the probe used by the session.
     pub session_poses: u64,
+    /// Number of recorded poses of the needle used by the session.
+    pub needle_session_poses: u64,
     /// Settings of the session, if recorded.
     pub settings: Option<SessionSettings>,
     /// Unreadable parts of the file.
@@ -160,6 +166,7 @@ impl fmt::Display for RecordingSummary {
             (self.missing_records, "records missing by the tracker's counter"),
             (self.sequence_reversals, "records whose counter does not rise"),
             (self.without_pose, "records without a pose"),
+            (self.needle_records, "records of the needle"),
             (
                 self.other_sensors,
                 if self.undecided {

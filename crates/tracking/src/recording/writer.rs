@@ -9,10 +9,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
 use super::{
-    EVENT_TOPIC, Event, FORMAT_VERSION, ONLY, POSE_TOPIC, RAW_TOPIC, RecordingError, RecordingInfo, SessionPose,
-    SessionSettings, attached, part, part_path, pose_json,
+    EVENT_TOPIC, Event, FORMAT_VERSION, NEEDLE_POSE_TOPIC, ONLY, POSE_TOPIC, RAW_TOPIC, RecordingError, RecordingInfo,
+    SessionPose, SessionSettings, attached, part, part_path, pose_json,
 };
-use crate::tracker::ProbeSensor;
+use crate::tracker::{NeedleSensor, ProbeSensor};
 
 /// Longest duration of a chunk, ns: a killed recording loses at most this.
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -33,6 +33,8 @@ pub struct RecordingWriter {
     event_channel: u16,
     /// Channel of poses; `None` before the first pose.
     pose_channel: Option<u16>,
+    /// Channel of the needle's poses; `None` before the first one.
+    needle_channel: Option<u16>,
     /// Number of messages of each channel.
     counts: BTreeMap<u16, u32>,
     /// Text of the last pose message; kept to reuse its memory.
@@ -71,6 +73,13 @@ impl RecordingWriter {
             };
             (key.to_owned(), value)
         }));
+        metadata.extend(info.needle.as_ref().map(|needle| {
+            let (key, value) = match needle {
+                NeedleSensor::Number(number) => ("needle_sensor", number.to_string()),
+                NeedleSensor::Tool(tool) => ("needle_tool", tool.clone()),
+            };
+            (key.to_owned(), value)
+        }));
         let mut channel = |topic, encoding, metadata: &BTreeMap<_, _>| {
             mcap.add_channel(0, topic, encoding, metadata).map_err(|error| fail(&part, error))
         };
@@ -85,6 +94,7 @@ impl RecordingWriter {
             raw_channel,
             event_channel,
             pose_channel: None,
+            needle_channel: None,
             counts: BTreeMap::new(),
             pose_json: String::new(),
             chunk_start_ns: info.start_time_ns,
@@ -124,7 +134,7 @@ impl RecordingWriter {
         self.message(self.event_channel, event.host_time_ns, json.to_string().as_bytes())
     }
 
-    /// Appends a pose used by the session.
+    /// Appends a pose of the probe used by the session.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -132,11 +142,35 @@ impl RecordingWriter {
         let channel_id = match self.pose_channel {
             Some(id) => id,
             None => {
-                let schema = self.mcap.add_schema(pose_json::SCHEMA_NAME, "jsonschema", pose_json::SCHEMA.as_bytes());
-                let channel = schema.and_then(|id| self.mcap.add_channel(id, POSE_TOPIC, "json", &BTreeMap::new()));
-                *self.pose_channel.insert(channel.map_err(|error| fail(&self.part, error))?)
+                let id = self.add_pose_channel(POSE_TOPIC, pose_json::SCHEMA)?;
+                *self.pose_channel.insert(id)
             }
         };
+        self.pose_message(channel_id, pose)
+    }
+
+    /// Appends a pose of the needle used by the session.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn needle_pose(&mut self, pose: &SessionPose) -> Result<(), RecordingError> {
+        let channel_id = match self.needle_channel {
+            Some(id) => id,
+            None => {
+                let id = self.add_pose_channel(NEEDLE_POSE_TOPIC, &pose_json::needle_schema())?;
+                *self.needle_channel.insert(id)
+            }
+        };
+        self.pose_message(channel_id, pose)
+    }
+
+    fn add_pose_channel(&mut self, topic: &str, schema: &str) -> Result<u16, RecordingError> {
+        let schema = self.mcap.add_schema(pose_json::SCHEMA_NAME, "jsonschema", schema.as_bytes());
+        let channel = schema.and_then(|id| self.mcap.add_channel(id, topic, "json", &BTreeMap::new()));
+        channel.map_err(|error| fail(&self.part, error))
+    }
+
+    fn pose_message(&mut self, channel_id: u16, pose: &SessionPose) -> Result<(), RecordingError> {
         let mut json = std::mem::take(&mut self.pose_json);
         pose_json::encode(pose, &mut json);
         let written = self.message(channel_id, pose.host_time_ns, json.as_bytes());
@@ -189,7 +223,11 @@ impl RecordingWriter {
 
 /// Earliest version of the format that can express `info`.
 fn format_version(info: &RecordingInfo) -> u32 {
-    if matches!(info.sensor, Some(ProbeSensor::Tool(_))) { FORMAT_VERSION } else { 1 }
+    match (&info.needle, &info.sensor) {
+        (Some(_), _) => FORMAT_VERSION,
+        (None, Some(ProbeSensor::Tool(_))) => 2,
+        (None, _) => 1,
+    }
 }
 
 /// Error with all its causes: MCAP's errors give the system's reason only as a cause.

@@ -2,6 +2,7 @@
 //!
 //! | field | meaning |
 //! |---|---|
+//! | `P` | sensor 0; `P1` is sensor 1, and so on up to `P65535` |
 //! | `seq` | counter, 0..2³², incremented per line |
 //! | `t_us` | clock of the board, µs, 0..2⁶⁴ |
 //! | `x,y,z` | position, mm |
@@ -21,6 +22,9 @@ use super::{DecodeError, Fault, Record};
 /// Longest line without its line feed, bytes.
 pub const LINE_LIMIT: usize = 256;
 
+/// Largest number of digits of a sensor's number.
+const SENSOR_DIGITS: usize = 5;
+
 const FIELDS: [&str; 9] = ["seq", "t_us", "x", "y", "z", "qw", "qx", "qy", "qz"];
 
 /// Fault of a line.
@@ -30,7 +34,7 @@ pub enum Reason {
     #[error("a line is longer than {LINE_LIMIT} bytes; it must be `P,seq,t_us,x,y,z,qw,qx,qy,qz*HH` and a line feed")]
     TooLong,
     /// Another kind of line, or noise.
-    #[error("a line starts with `{start}`; it must start with `P,`")]
+    #[error("a line starts with `{start}`; it must start with `P,`, or with `P1,` for sensor 1")]
     NotAPose {
         /// First bytes of the line, escaped.
         start: String,
@@ -142,15 +146,16 @@ pub(super) fn fault_of_last(text: &[u8]) -> Option<Reason> {
 }
 
 fn parse(line: &[u8]) -> Result<Record, Reason> {
-    let Some(body) = line.strip_prefix(b"P").filter(|body| body.starts_with(b",")) else {
-        return Err(Reason::NotAPose { start: quote(line) });
-    };
+    let not_a_pose = || Reason::NotAPose { start: quote(line) };
+    let body = line.strip_prefix(b"P").ok_or_else(not_a_pose)?;
+    let comma = body.iter().take(SENSOR_DIGITS + 1).position(|&b| b == b',').ok_or_else(not_a_pose)?;
+    let sensor = sensor_of(&body[..comma]).ok_or_else(not_a_pose)?;
     let star = body.iter().position(|&b| b == b'*').ok_or(Reason::ChecksumMissing)?;
     let (body, digits) = (&body[..star], &body[star + 1..]);
     check(body, digits)?;
     let mut fields = [&b""[..]; FIELDS.len()];
     let mut found = 0;
-    for field in body[1..].split(|&b| b == b',') {
+    for field in body[comma + 1..].split(|&b| b == b',') {
         if let Some(slot) = fields.get_mut(found) {
             *slot = field.trim_ascii();
         }
@@ -165,7 +170,15 @@ fn parse(line: &[u8]) -> Result<Record, Reason> {
     for (i, component) in components.iter_mut().enumerate() {
         *component = number(fields[i + 2], FIELDS[i + 2], "a decimal number")?;
     }
-    Ok(Record::pose(sequence, device_time_us, Pose::from_components(components)?))
+    Ok(Record { sensor, ..Record::pose(sequence, device_time_us, Pose::from_components(components)?) })
+}
+
+/// Number of the sensor from the digits after the `P`; `None` if they are no number of a sensor.
+fn sensor_of(digits: &[u8]) -> Option<u16> {
+    if digits.is_empty() {
+        return Some(0);
+    }
+    std::str::from_utf8(digits).ok().filter(|text| text.bytes().all(|b| b.is_ascii_digit()))?.parse().ok()
 }
 
 fn check(body: &[u8], digits: &[u8]) -> Result<(), Reason> {
@@ -192,8 +205,14 @@ fn xor(bytes: &[u8]) -> u8 {
 
 /// Line of a pose, including the line feed; positions are rounded to 0.1 µm, quaternions to 1e-8.
 pub fn encode(sequence: u32, device_time_us: u64, pose: &Pose) -> String {
+    encode_of(0, sequence, device_time_us, pose)
+}
+
+/// As [`encode`], for the sensor with the number `sensor`.
+pub fn encode_of(sensor: u16, sequence: u32, device_time_us: u64, pose: &Pose) -> String {
     let [x, y, z, qw, qx, qy, qz] = pose.components();
-    let body = format!(",{sequence},{device_time_us},{x:.4},{y:.4},{z:.4},{qw:.8},{qx:.8},{qy:.8},{qz:.8}");
+    let sensor = if sensor == 0 { String::new() } else { sensor.to_string() };
+    let body = format!("{sensor},{sequence},{device_time_us},{x:.4},{y:.4},{z:.4},{qw:.8},{qx:.8},{qy:.8},{qz:.8}");
     format!("P{body}*{:02X}\n", xor(body.as_bytes()))
 }
 
@@ -219,6 +238,19 @@ mod tests {
         assert_eq!(decode(LINE), [Ok(record)]);
         let padded = sealed(", 7,1000, 1.50,-2,80.25,1,0,0,0").replace('\n', "\r\n");
         assert_eq!(decode(&format!("\r\n\n{padded}")), [Ok(record)]);
+    }
+
+    #[test]
+    fn the_number_after_the_letter_is_the_sensor() {
+        let pose = Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        for sensor in [0, 1, 12, u16::MAX] {
+            let record = Record { sensor, ..Record::pose(7, 1000, pose) };
+            assert_eq!(decode(&encode_of(sensor, 7, 1000, &pose)), [Ok(record)]);
+        }
+        for start in ["65536", "123456", "+1", " 1", "x"] {
+            let line = sealed(&format!("{start},7,1000,1.5,-2,80.25,1,0,0,0"));
+            let [Err(Fault::AsciiLine(Reason::NotAPose { .. }))] = decode(&line)[..] else { panic!("{line}") };
+        }
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl Choice {
         let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
         if !same {
-            (settings.device.sensor, settings.device.tool) = (None, None);
+            (settings.device.sensor, settings.device.tool, settings.device.needle) = (None, None, None);
         }
         settings.device.choose(self.sensor, self.tool.clone());
         settings.transport = self.transport()?;

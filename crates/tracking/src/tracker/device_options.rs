@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use insonify_core::settings::TrackerSettings;
 
-use super::{ProbeSensor, ndi};
+use super::{NeedleSensor, ProbeSensor, ndi};
 
 /// Device options of a station file.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +14,8 @@ pub struct DeviceOptions {
     pub sensor: Option<u16>,
     /// Name of the probe's tool (OpenIGTLink), if chosen. It takes precedence over `sensor`.
     pub tool: Option<String>,
+    /// Sensor of the needle; `None` if no needle is tracked, or if a recording names its sensor.
+    pub needle: Option<NeedleSensor>,
     /// Direction [x, y, z] from the magnetic source to the half space in which the sensor is used (Polhemus).
     pub hemisphere: [f64; 3],
     /// Start-up time of a device after a reset.
@@ -32,6 +34,7 @@ impl Default for DeviceOptions {
         Self {
             sensor: None,
             tool: None,
+            needle: None,
             hemisphere: [0.0, 0.0, 1.0],
             reset_delay: Duration::from_secs_f64(settings.reset_delay_ms / 1000.0),
             silence: Duration::from_secs_f64(settings.silence_ms / 1000.0),
@@ -48,11 +51,26 @@ impl DeviceOptions {
         tool.or(self.sensor.map(ProbeSensor::Number))
     }
 
+    /// Numbers of the sensors that a device has to switch on: the probe's, `usual` unless it was chosen, and the
+    /// needle's.
+    pub(super) fn stations(&self, usual: u16) -> Vec<u16> {
+        let mut stations = vec![self.sensor.unwrap_or(usual)];
+        if let Some(NeedleSensor::Number(needle)) = self.needle
+            && !stations.contains(&needle)
+        {
+            stations.push(needle);
+        }
+        stations
+    }
+
     /// Chooses the probe's sensor by number or name, replacing any earlier choice. Without either, the earlier choice
-    /// stays.
+    /// stays. A sensor that was the needle's is no longer.
     pub fn choose(&mut self, sensor: Option<u16>, tool: Option<String>) {
         if sensor.is_some() || tool.is_some() {
             (self.sensor, self.tool) = (sensor, tool);
+        }
+        if let Some(probe) = self.probe() {
+            self.needle = self.needle.take().filter(|needle| !needle.is_chosen_by(&probe));
         }
     }
 }

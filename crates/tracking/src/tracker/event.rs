@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::DecodeError;
 use super::damage::Damage;
 use super::irregularity::Irregularity;
-use super::sensor::{ProbeSensor, SensorName, how_to_choose, meant};
+use super::sensor::{NeedleSensor, ProbeSensor, SensorName, how_to_choose, meant, meant_tool};
 
 /// Event of a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,6 +66,15 @@ pub enum TrackerEvent {
         /// Sensors heard so far.
         heard: Vec<SensorName>,
     },
+    /// Other sensors are heard, but the needle was never heard.
+    NeedleMissing {
+        /// The needle.
+        wanted: NeedleSensor,
+        /// Time since the port was opened.
+        for_: Duration,
+        /// Sensors heard so far.
+        heard: Vec<SensorName>,
+    },
     /// Datagrams of a second sender arrive and are left out.
     OtherSender {
         /// Sender whose datagrams are left out.
@@ -116,6 +125,12 @@ impl fmt::Display for TrackerEvent {
                 let list = SensorName::listed(heard);
                 write!(f, "the probe ({wanted}) is not heard for {:.1} s; heard are {list}", seconds(for_))?;
                 meant(wanted, heard).map_or(Ok(()), |name| write!(f, " (did you mean `{}`?)", name.escape_debug()))
+            }
+            Self::NeedleMissing { wanted, for_, heard } => {
+                let list = SensorName::listed(heard);
+                write!(f, "the needle ({wanted}) is not heard for {:.1} s; heard are {list}", seconds(for_))?;
+                let NeedleSensor::Tool(tool) = wanted else { return Ok(()) };
+                meant_tool(tool, heard).map_or(Ok(()), |name| write!(f, " (did you mean `{}`?)", name.escape_debug()))
             }
             Self::OtherSender { other, used, left_out } => write!(
                 f,

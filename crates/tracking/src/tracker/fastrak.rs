@@ -207,22 +207,18 @@ pub(super) fn orientation(azimuth: f64, elevation: f64, roll: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, azimuth.to_radians(), elevation.to_radians(), roll.to_radians())
 }
 
-/// Commands that make `station` stream in `format`, in centimetres. Send them one by one, with a pause after each.
-pub fn setup(format: Format, station: u16, hemisphere: [f64; 3]) -> Vec<Bytes> {
+/// Commands that make `stations` stream in `format`, in centimetres. Send them one by one, with a pause after each.
+pub fn setup(format: Format, stations: &[u16], hemisphere: [f64; 3]) -> Vec<Bytes> {
     let [x, y, z] = hemisphere;
     let (list, letter) = match format {
         Format::Ascii => ("2,4,1", "F"),
         Format::Binary => ("2,11,0", "f"),
     };
-    let commands = [
-        format!("l{station},1\r"),
-        "u".to_owned(),
-        format!("H{station},{x},{y},{z}\r"),
-        format!("O{station},{list}\r"),
-        letter.to_owned(),
-        "C".to_owned(),
-    ];
-    commands.into_iter().map(Bytes::from).collect()
+    let on = stations.iter().map(|station| format!("l{station},1\r"));
+    let of_stations =
+        stations.iter().flat_map(|station| [format!("H{station},{x},{y},{z}\r"), format!("O{station},{list}\r")]);
+    let commands = on.chain(["u".to_owned()]).chain(of_stations).chain([letter.to_owned(), "C".to_owned()]);
+    commands.map(Bytes::from).collect()
 }
 
 #[cfg(test)]
@@ -338,8 +334,10 @@ mod tests {
 
     #[test]
     fn commands_end_with_streaming() {
-        let text = |format| setup(format, 2, [0.0, 0.0, 1.0]).concat();
+        let text = |format| setup(format, &[2], [0.0, 0.0, 1.0]).concat();
         assert_eq!(text(Format::Binary), b"l2,1\ruH2,0,0,1\rO2,2,11,0\rfC");
         assert_eq!(text(Format::Ascii), b"l2,1\ruH2,0,0,1\rO2,2,4,1\rFC");
+        let both = setup(Format::Ascii, &[1, 2], [0.0, 0.0, 1.0]).concat();
+        assert_eq!(both, b"l1,1\rl2,1\ruH1,0,0,1\rO1,2,4,1\rH2,0,0,1\rO2,2,4,1\rFC");
     }
 }

@@ -15,6 +15,9 @@ pub trait Listener: Send {
     /// Receives a record of the probe, with the arrival of its first byte, ns since 1970 (UTC).
     fn record(&mut self, host_time_ns: u64, record: &Record);
 
+    /// Receives a record of the needle, with the arrival of its first byte, ns since 1970 (UTC).
+    fn needle_record(&mut self, _host_time_ns: u64, _record: &Record) {}
+
     /// Receives an event, with its time, ns since 1970 (UTC).
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent);
 }

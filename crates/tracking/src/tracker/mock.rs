@@ -1,5 +1,5 @@
-//! Simulated tracker board: poses on a schedule, encoded as [`ascii_line`]. Equal settings give equal bytes at equal
-//! times.
+//! Simulated tracker board: poses of a probe, and of a needle if wanted, on a schedule, encoded as [`ascii_line`]. Equal
+//! settings give equal bytes at equal times.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,12 +8,22 @@ use std::time::Duration;
 use bytes::Bytes;
 use glam::{DQuat, DVec3};
 use insonify_core::pose::Pose;
+use insonify_core::pose::freehand::{Tremor, minimum_jerk};
 use insonify_core::random::{bits, fraction};
 use insonify_core::settings::settings;
 use thiserror::Error;
 
 use super::ascii_line;
 use super::clock::nanoseconds;
+
+/// Number of the needle's sensor. The probe's is 0.
+pub const NEEDLE_SENSOR: u16 = 1;
+
+/// Way of the mock's needle along its axis, mm: how far it is drawn back before an insertion.
+const NEEDLE_BACK_MM: f64 = 40.0;
+
+/// One insertion of the mock's needle, s: the needle goes in, stays, is drawn back, and waits outside.
+const INSERTION_S: [f64; 4] = [8.0, 3.0, 5.0, 2.0];
 
 /// Behaviour of the board during one part of the schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,13 +116,16 @@ settings! {
         around: Pose = Pose::IDENTITY, Everything;
         /// Sequence of acts.
         schedule: Schedule = Schedule::default(), Everything;
+        /// Pose of the needle at the end of each insertion, with the tip as its origin and z along its shaft; `None`:
+        /// the board has no needle.
+        needle: Option<Pose> = None, Everything;
     }
 }
 
 /// Result of one tick of the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Tick {
-    /// A line is sent.
+    /// A line is sent, or one of the probe and one of the needle.
     Line(Bytes),
     /// Nothing is sent.
     Nothing,
@@ -133,13 +146,16 @@ pub struct Board {
     acts_begun: u64,
     /// Time spent in motion.
     moved: Duration,
+    /// Tremor of the hand that holds the needle.
+    tremor: Tremor,
 }
 
 impl Board {
     /// A board at its start.
     pub fn new(settings: Settings) -> Self {
         let act_end = settings.schedule.acts.first().map_or(Duration::MAX, |(_, duration)| *duration);
-        Self { settings, ticks: 0, act: 0, act_end, acts_begun: 1, moved: Duration::ZERO }
+        let tremor = Tremor::new(u64::from(settings.seed));
+        Self { settings, ticks: 0, act: 0, act_end, acts_begun: 1, moved: Duration::ZERO, tremor }
     }
 
     /// Time of the next tick since the board's start.
@@ -174,11 +190,25 @@ impl Board {
             let at = hash as usize % line.len();
             line[at] ^= 1 << (hash >> 32 & 7);
         }
+        if let Some(inserted) = self.settings.needle {
+            let pose = self.needle(&inserted);
+            line.extend(ascii_line::encode_of(NEEDLE_SENSOR, sequence, device_time_us, &pose).into_bytes());
+        }
         Tick::Line(line.into())
     }
 
     fn period(&self) -> Duration {
         Duration::from_secs_f64(1.0 / self.settings.rate_hz.clamp(1.0, 1000.0))
+    }
+
+    /// Pose of the needle, which is `inserted` at the end of each insertion.
+    fn needle(&self, inserted: &Pose) -> Pose {
+        let [goes_in, stays, comes_back, waits] = INSERTION_S;
+        let moved_s = self.moved.as_secs_f64();
+        let at = moved_s % (goes_in + stays + comes_back + waits);
+        let depth = minimum_jerk(at / goes_in) - minimum_jerk((at - goes_in - stays) / comes_back);
+        let (shift_mm, turn) = self.tremor.at(moved_s);
+        *inserted * Pose { position_mm: shift_mm - NEEDLE_BACK_MM * (1.0 - depth) * DVec3::Z, orientation: turn }
     }
 
     fn pose(&self, act: Act) -> Pose {
@@ -216,7 +246,7 @@ mod tests {
 
     fn settings(schedule: &str) -> Settings {
         let around = Pose { position_mm: DVec3::new(10.0, 20.0, 30.0), orientation: DQuat::from_rotation_x(1.0) };
-        Settings { around, rate_hz: 100.0, seed: 7, schedule: schedule.parse().unwrap() }
+        Settings { around, rate_hz: 100.0, seed: 7, schedule: schedule.parse().unwrap(), needle: None }
     }
 
     fn ticks(settings: &Settings, count: usize) -> Vec<Tick> {
@@ -260,6 +290,39 @@ mod tests {
         assert!(far < 21.0, "{far}");
         let turned = poses[..150].iter().map(|p| p.orientation.angle_between(settings.around.orientation));
         assert!(turned.fold(0.0, f64::max) < 16.0_f64.to_radians());
+    }
+
+    /// Poses of the probe and the needle in the lines of `ticks`.
+    fn tools(ticks: &[Tick]) -> [Vec<Pose>; 2] {
+        let (mut decoder, mut tools) = (Protocol::AsciiLine.decoder(), [Vec::new(), Vec::new()]);
+        for tick in ticks {
+            let Tick::Line(line) = tick else { continue };
+            let mut line = BytesMut::from(&line[..]);
+            while let Some(record) = decoder.decode(&mut line).unwrap() {
+                let Reading::Pose(pose) = record.reading else { panic!("{record:?}") };
+                tools[usize::from(record.sensor)].push(pose);
+            }
+        }
+        tools
+    }
+
+    #[test]
+    fn a_needle_goes_in_along_its_line_with_a_tremor() {
+        let alone = settings("move 100");
+        let inserted = Pose { position_mm: DVec3::new(5.0, 0.0, 40.0), orientation: DQuat::from_rotation_y(0.7) };
+        let both = Settings { needle: Some(inserted), ..alone.clone() };
+        let [probe, needle] = tools(&ticks(&both, 1801));
+        assert_eq!(probe, poses(&ticks(&alone, 1801)), "the probe moves as without a needle");
+        assert_eq!(needle, tools(&ticks(&both, 1801))[1]);
+        assert_ne!(needle, tools(&ticks(&Settings { seed: 8, ..both }, 1801))[1]);
+        let from_inserted = |pose: &Pose| inserted.inverse().transform_point(pose.position_mm);
+        let way_mm: Vec<DVec3> = needle.iter().map(from_inserted).collect();
+        let depth_at = |s: usize| way_mm[100 * s].z;
+        assert!((depth_at(0) + 40.0).abs() < 2.0 && depth_at(9).abs() < 2.0 && (depth_at(17) + 40.0).abs() < 2.0);
+        assert!(way_mm.iter().all(|p| p.truncate().length() < 3.0), "it stays near its line");
+        assert!(steps(&needle).into_iter().fold(0.0, f64::max) < 0.5, "no jumps, at 100 Hz");
+        let turned = needle.iter().map(|p| p.orientation.angle_between(inserted.orientation));
+        assert!(turned.fold(0.0, f64::max) < 5.0_f64.to_radians());
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! 4. Give it the property tests of `tests/tracking/protocols/streams.rs`: round trip or known frames; equal records
 //!    for any split of the stream; arbitrary bytes never panic and always make progress.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use thiserror::Error;
@@ -75,10 +76,10 @@ pub use passive::Passive;
 pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use report_line::ReportLine;
-pub use sensor::{ProbeSensor, SensorName};
+pub use sensor::{NeedleSensor, ProbeSensor, SensorName};
 #[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, play, spawn};
-pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport, TransportKind};
+pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, TrackerStream, Transport, TransportKind};
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -202,6 +203,19 @@ impl Protocol {
             | Self::Bno08xRollFirst
             | Self::OpenTrack
             | Self::OpenIgtLink => None,
+        }
+    }
+
+    /// Numbers that the sensors of this protocol can have. Protocols with a single sensor have only one; tools with
+    /// names are numbered by arrival.
+    pub fn sensor_numbers(self) -> RangeInclusive<u16> {
+        match self {
+            Self::FastrakAscii | Self::FastrakBinary => 1..=4,
+            Self::Liberty => 1..=16,
+            Self::Patriot => 1..=2,
+            Self::Ndi => 0..=255,
+            Self::AsciiLine | Self::OpenIgtLink => 0..=u16::MAX,
+            Self::SpaceMouse | Self::Bno08x | Self::Bno08xRollFirst | Self::OpenTrack => 0..=0,
         }
     }
 

@@ -90,6 +90,9 @@ pub struct SensorReport {
     pub position_mm: Option<[f64; 3]>,
     /// Whether the sensor is the probe; for a whole session, whether it was the probe at any time.
     pub is_probe: bool,
+    /// Whether the sensor was the needle in any record.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_needle: bool,
 }
 
 /// Collector of the statistics of one session. Its clones share the statistics.
@@ -128,12 +131,14 @@ struct SensorFigures {
     total: Count,
     /// Whether the sensor was the probe in any record.
     was_probe: bool,
+    /// Whether the sensor was the needle in any record.
+    was_needle: bool,
 }
 
 impl SensorFigures {
     fn new(name: SensorName, reading: Reading) -> Self {
         let (recent, total) = (Count::default(), Count::default());
-        Self { name, last_ns: None, reading, recent, total, was_probe: false }
+        Self { name, last_ns: None, reading, recent, total, was_probe: false, was_needle: false }
     }
 
     fn push(&mut self, host_time_ns: u64, reading: Reading) {
@@ -164,6 +169,7 @@ impl SensorFigures {
             is_valid: self.reading != Reading::OutOfView,
             position_mm,
             is_probe,
+            is_needle: self.was_needle,
         }
     }
 }
@@ -240,6 +246,13 @@ impl Listener for Monitor {
         report.state = SessionState::Streaming;
     }
 
+    fn needle_record(&mut self, _: u64, record: &Record) {
+        let mut figures = self.figures();
+        if let Some(needle) = figures.sensors.iter_mut().find(|sensor| sensor.name.number == record.sensor) {
+            needle.was_needle = true;
+        }
+    }
+
     fn event(&mut self, _: u64, event: &TrackerEvent) {
         let mut figures = self.figures();
         let report = &mut figures.report;
@@ -258,6 +271,7 @@ impl Listener for Monitor {
             | TrackerEvent::OnlyTool { .. }
             | TrackerEvent::Undecided { .. }
             | TrackerEvent::ProbeMissing { .. }
+            | TrackerEvent::NeedleMissing { .. }
             | TrackerEvent::OtherSender { .. }
             | TrackerEvent::SenderChanged { .. }
             | TrackerEvent::Irregular(_) => {}

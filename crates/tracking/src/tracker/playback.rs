@@ -1,6 +1,6 @@
 //! Interface of recorded bytes that a session plays instead of using a device.
 
-use super::{ProbeSensor, Protocol};
+use super::TrackerStream;
 
 /// Failure to read recorded bytes.
 pub type PlaybackError = Box<dyn std::error::Error + Send + Sync>;
@@ -10,11 +10,8 @@ pub trait Playback: Send {
     /// Name, for messages.
     fn name(&self) -> String;
 
-    /// Protocol of the bytes.
-    fn protocol(&self) -> Protocol;
-
-    /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
-    fn sensor(&self) -> Option<ProbeSensor>;
+    /// Protocol of the bytes, and the sensors of probe and needle.
+    fn stream(&self) -> TrackerStream;
 
     /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, never empty. `None` at the end.
     ///

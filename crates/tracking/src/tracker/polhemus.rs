@@ -42,7 +42,7 @@ pub(crate) struct PolhemusDriver {
 impl PolhemusDriver {
     /// Driver of a device with one of the four Polhemus protocols; sends nothing before it is started.
     pub(super) fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
-        let fastrak = |format| fastrak::setup(format, options.sensor.unwrap_or(1), options.hemisphere);
+        let fastrak = |format| fastrak::setup(format, &options.stations(1), options.hemisphere);
         let (stop, reset, setup): (&[u8], &[u8], _) = match protocol {
             Protocol::FastrakAscii => (b"c", b"\x19", fastrak(fastrak::Format::Ascii)),
             Protocol::FastrakBinary => (b"c", b"\x19", fastrak(fastrak::Format::Binary)),

@@ -100,14 +100,18 @@ impl fmt::Display for SensorReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = || format!("sensor {}", self.sensor);
         let name = self.name.as_ref().map_or_else(number, |name| name.escape_debug().to_string());
-        let probe = if self.is_probe { "probe" } else { "" };
+        let tool = match (self.is_probe, self.is_needle) {
+            (true, _) => "probe",
+            (false, true) => "needle",
+            (false, false) => "",
+        };
         let rate = self.rate_hz.map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}"));
         let state = match (self.records, self.is_valid) {
             (0, _) => "silent",
             (_, true) => "valid",
             (_, false) => "not valid",
         };
-        write!(f, "           {probe:<5}  {name:<22} {rate:>6} Hz  {state:<9}")?;
+        write!(f, "           {tool:<6} {name:<22} {rate:>6} Hz  {state:<9}")?;
         let Some(position_mm) = self.position_mm.filter(|_| self.records > 0) else { return Ok(()) };
         write!(f, "  mm ")?;
         position_mm.iter().try_for_each(|v| write!(f, "{v:9.2}"))

@@ -1,20 +1,25 @@
-//! Selection of the probe's records in a stream of several sensors. Live sessions and replays use the same rules.
+//! Selection of the probe's and the needle's records in a stream of several sensors. Live sessions and replays use the
+//! same rules.
 
 use super::Record;
-use super::sensor::{ProbeSensor, SensorName, is_tool};
+use super::sensor::{NeedleSensor, ProbeSensor, SensorName, is_tool};
 
 /// Largest number of sensors that are distinguished. Records of further sensors are left out.
 pub(crate) const HEARD_LIMIT: usize = 64;
 
-/// Rule that decides which records are the probe's.
+/// Rule that decides which records are the probe's, and which the needle's.
 #[derive(Debug, Clone)]
 pub(crate) struct Selection {
     /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
     wanted: Option<ProbeSensor>,
+    /// Choice of the needle; `None` without a tracked needle.
+    needle: Option<NeedleSensor>,
     /// Sensors received so far.
     heard: Vec<SensorName>,
     /// Index in `heard` of the sensor used last; `None` before its first record.
     used: Option<usize>,
+    /// Index in `heard` of the needle's sensor; `None` before its first record.
+    needle_at: Option<usize>,
 }
 
 /// Verdict on one record.
@@ -22,16 +27,18 @@ pub(crate) struct Selection {
 pub(crate) enum Verdict {
     /// The record is the probe's.
     Probe,
+    /// The record is the needle's.
+    Needle,
     /// The record is another sensor's.
     Other,
-    /// Several sensors have been received, and none was chosen.
+    /// Several sensors have been received besides the needle's, and none was chosen.
     Undecided,
 }
 
 impl Selection {
     /// A selection before the first record.
-    pub(crate) fn new(wanted: Option<ProbeSensor>) -> Self {
-        Self { wanted, heard: Vec::new(), used: None }
+    pub(crate) fn new(wanted: Option<ProbeSensor>, needle: Option<NeedleSensor>) -> Self {
+        Self { wanted, needle, heard: Vec::new(), used: None, needle_at: None }
     }
 
     /// Judges a record of the sensor `name`, and numbers named tools in the order of their first records.
@@ -53,9 +60,13 @@ impl Selection {
             }
         };
         record.sensor = self.heard[at].number;
+        if self.needle.as_ref().is_some_and(|needle| needle.is(record.sensor, name)) {
+            self.needle_at = Some(at);
+            return (Verdict::Needle, Some(at));
+        }
         let verdict = match &self.wanted {
             None if *self.used.get_or_insert(at) == at => Verdict::Probe,
-            Some(ProbeSensor::Only) if self.heard.len() == 1 => Verdict::Probe,
+            Some(ProbeSensor::Only) if self.others_heard() == 1 => Verdict::Probe,
             Some(ProbeSensor::Only) => Verdict::Undecided,
             Some(ProbeSensor::Number(number)) if *number == record.sensor => Verdict::Probe,
             Some(ProbeSensor::Tool(tool)) if name.is_some_and(|name| is_tool(tool, name)) => Verdict::Probe,
@@ -64,7 +75,7 @@ impl Selection {
         match verdict {
             Verdict::Probe => self.used = Some(at),
             Verdict::Undecided => self.used = None,
-            Verdict::Other => {}
+            Verdict::Needle | Verdict::Other => {}
         }
         (verdict, Some(at))
     }
@@ -72,6 +83,22 @@ impl Selection {
     /// Sensors received so far, in the order of their first records.
     pub(crate) fn heard(&self) -> &[SensorName] {
         &self.heard
+    }
+
+    /// Number of sensors received so far, without the needle's.
+    fn others_heard(&self) -> usize {
+        self.heard.len() - usize::from(self.needle_at.is_some())
+    }
+
+    /// The needle's sensor; `None` before its first record.
+    pub(crate) fn needle(&self) -> Option<&SensorName> {
+        self.heard.get(self.needle_at?)
+    }
+
+    /// Choice of the needle, if it was not received yet; `None` otherwise.
+    #[cfg(feature = "live")]
+    pub(crate) fn missing_needle(&self) -> Option<&NeedleSensor> {
+        self.needle.as_ref().filter(|_| self.needle_at.is_none())
     }
 
     /// The sensor that is the probe. `None` before its first record, or if several sensors have been received and none
@@ -88,7 +115,7 @@ impl Selection {
 
     /// Whether several sensors have been received and none was chosen.
     pub(crate) fn is_undecided(&self) -> bool {
-        self.wanted == Some(ProbeSensor::Only) && self.heard.len() > 1
+        self.wanted == Some(ProbeSensor::Only) && self.others_heard() > 1
     }
 }
 
@@ -99,7 +126,15 @@ mod tests {
     use super::*;
 
     fn verdicts(wanted: Option<ProbeSensor>, stream: &[(u16, Option<&str>)]) -> Vec<Verdict> {
-        let mut selection = Selection::new(wanted);
+        verdicts_with(wanted, None, stream)
+    }
+
+    fn verdicts_with(
+        wanted: Option<ProbeSensor>,
+        needle: Option<NeedleSensor>,
+        stream: &[(u16, Option<&str>)],
+    ) -> Vec<Verdict> {
+        let mut selection = Selection::new(wanted, needle);
         stream.iter().map(|(n, name)| selection.judge(&mut Record::new(*n, Reading::OutOfView), *name).0).collect()
     }
 
@@ -113,6 +148,24 @@ mod tests {
         assert_eq!(verdicts(Some(ProbeSensor::Number(7)), &[(3, None), (7, None)]), [Other, Probe]);
         // Recordings of earlier builds have no choice.
         assert_eq!(verdicts(None, &tools), [Probe, Probe, Other, Probe]);
+    }
+
+    #[test]
+    fn the_needles_sensor_is_never_the_probe_and_makes_no_choice_among_others_necessary() {
+        use Verdict::{Needle, Other, Probe, Undecided};
+        let needle = Some(NeedleSensor::Tool("Needle".into()));
+        let tools = [(0, Some("Needle")), (1, Some("Probe")), (0, Some("Needle")), (1, Some("Probe"))];
+        let only = Some(ProbeSensor::Only);
+        assert_eq!(verdicts_with(only.clone(), needle.clone(), &tools), [Needle, Probe, Needle, Probe]);
+        let backwards: Vec<_> = tools.iter().rev().copied().collect();
+        assert_eq!(verdicts_with(only.clone(), needle.clone(), &backwards), [Probe, Needle, Probe, Needle]);
+        let three = [(0, Some("Probe")), (1, Some("Needle")), (2, Some("Stylus")), (1, Some("Needle"))];
+        assert_eq!(verdicts_with(only, needle.clone(), &three), [Probe, Needle, Undecided, Needle]);
+        let probe = Some(ProbeSensor::Tool("Probe".into()));
+        assert_eq!(verdicts_with(probe, needle, &three), [Probe, Needle, Other, Needle]);
+        // Recordings of earlier builds have no choice: their first other sensor is the probe.
+        let number = Some(NeedleSensor::Number(2));
+        assert_eq!(verdicts_with(None, number, &[(2, None), (1, None), (3, None)]), [Needle, Probe, Other]);
     }
 
     #[test]

@@ -60,6 +60,48 @@ impl fmt::Display for ProbeSensor {
     }
 }
 
+/// Choice of the sensor that is the needle's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NeedleSensor {
+    /// The sensor with this number.
+    Number(u16),
+    /// The tool with this name.
+    Tool(String),
+}
+
+impl fmt::Display for NeedleSensor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "sensor {number}"),
+            Self::Tool(name) => write!(f, "tool `{}`", name.escape_debug()),
+        }
+    }
+}
+
+impl NeedleSensor {
+    /// Whether this is the sensor with the number `number`, of the tool `name` if the protocol has names.
+    pub(crate) fn is(&self, number: u16, name: Option<&str>) -> bool {
+        match self {
+            Self::Number(wanted) => *wanted == number,
+            Self::Tool(tool) => name.is_some_and(|name| is_tool(tool, name)),
+        }
+    }
+
+    /// Whether `probe` chooses the same sensor.
+    pub fn is_chosen_by(&self, probe: &ProbeSensor) -> bool {
+        match (self, probe) {
+            (Self::Number(needle), ProbeSensor::Number(probe)) => needle == probe,
+            (Self::Tool(needle), ProbeSensor::Tool(probe)) => on_wire(needle) == on_wire(probe),
+            _ => false,
+        }
+    }
+}
+
+/// Part of a tool's name that the wire holds, bytes.
+fn on_wire(tool: &str) -> &[u8] {
+    &tool.as_bytes()[..tool.len().min(NAME_LENGTH)]
+}
+
 /// Whether `tool`, the user's choice, is the received tool `name`, which senders may truncate.
 pub(super) fn is_tool(tool: &str, name: &str) -> bool {
     tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
@@ -70,6 +112,11 @@ pub(super) fn is_tool(tool: &str, name: &str) -> bool {
 /// `wanted` itself was received.
 pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
     let ProbeSensor::Tool(tool) = wanted else { return None };
+    meant_tool(tool, heard)
+}
+
+/// [`meant`] for a tool's name.
+pub(crate) fn meant_tool<'a>(tool: &str, heard: &'a [SensorName]) -> Option<&'a str> {
     let plain = |name: &str| -> String {
         let letters: String = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
         letters.replace('2', "to")

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::{AxisMap, DeviceOptions, ProbeSensor, Protocol, mock};
+use super::{AxisMap, DeviceOptions, NeedleSensor, ProbeSensor, Protocol, mock};
 
 /// Tracker settings of a station; by default there is no tracker.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,15 +22,39 @@ pub struct Settings {
     pub axis_map: AxisMap,
 }
 
+/// Protocol of a tracker's bytes, and the sensors of its tools.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct TrackerStream {
+    /// Protocol of the bytes.
+    pub protocol: Protocol,
+    /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
+    pub sensor: Option<ProbeSensor>,
+    /// Choice of the needle; `None` without a tracked needle.
+    pub needle: Option<NeedleSensor>,
+}
+
 impl Settings {
-    /// Protocol of the bytes and choice of the probe: from `recorded` if given, else from these settings. A choice of
-    /// `None` takes the first sensor received, as in recordings of earlier builds.
-    pub fn stream(&self, recorded: Option<(Protocol, Option<ProbeSensor>)>) -> (Protocol, Option<ProbeSensor>) {
-        let (protocol, sensor) = recorded.unwrap_or_else(|| {
+    /// Protocol of the bytes and sensors of the tools. Sensors that these settings don't choose, and the protocol, come
+    /// from `recorded` if given.
+    pub fn stream(&self, recorded: Option<TrackerStream>) -> TrackerStream {
+        let TrackerStream { protocol, sensor, needle } = recorded.unwrap_or_else(|| {
             let usual = self.protocol.first_sensor().map_or(ProbeSensor::Only, ProbeSensor::Number);
-            (self.protocol, Some(usual))
+            TrackerStream { protocol: self.protocol, sensor: Some(usual), needle: None }
         });
-        (protocol, self.device.probe().or(sensor))
+        let own = self.device.needle.clone();
+        TrackerStream { protocol, sensor: self.device.probe().or(sensor), needle: own.or(needle) }
+    }
+
+    /// The same tracker with the needle's sensor in place of the probe's, for the needle's calibration. `None` if no
+    /// sensor of a needle is chosen.
+    #[must_use]
+    pub fn of_needle(&self) -> Option<Self> {
+        let mut settings = self.clone();
+        match settings.device.needle.take()? {
+            NeedleSensor::Number(number) => settings.device.choose(Some(number), None),
+            NeedleSensor::Tool(tool) => settings.device.choose(None, Some(tool)),
+        }
+        Some(settings)
     }
 }
 

@@ -41,6 +41,10 @@ impl Store for Disk {
         self.take(Seen::Pose)
     }
 
+    fn needle_pose(&mut self, _: &SessionPose) -> Result<(), RecordingError> {
+        self.take(Seen::Pose)
+    }
+
     fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
         self.take(Seen::Event(event.name.clone(), event.value.clone()))
     }

@@ -1,5 +1,5 @@
-//! Reception of a session's records, faults and events: selects the probe's records, counts them, and reports
-//! problems.
+//! Reception of a session's records, faults and events: selects the records of probe and needle, counts them, and
+//! reports problems.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use super::damage_watch::DamageWatch;
 use super::regularity::Regularity;
 use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::settings::Settings;
-use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Protocol, Record, TrackerEvent};
+use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Record, TrackerEvent, TrackerStream};
 
 /// Shortest time between two reports of other senders.
 const SENDER_PERIOD: Duration = Duration::from_secs(5);
@@ -35,6 +35,10 @@ pub(super) struct Intake {
     probe_at: Duration,
     /// Whether the probe's absence was reported.
     missing_told: bool,
+    /// Time of opening the port.
+    opened_at: Duration,
+    /// Whether the needle's absence was reported on this connection.
+    needle_told: bool,
     /// Time of the last report of other senders; `None` before the first.
     sender_told: Option<Duration>,
     /// Numbers of bytes and records since the port was opened.
@@ -45,13 +49,13 @@ pub(super) struct Intake {
 impl Intake {
     pub(super) fn new(
         settings: &Settings,
-        (protocol, sensor): (Protocol, Option<ProbeSensor>),
+        TrackerStream { protocol, sensor, needle }: TrackerStream,
         listener: Box<dyn Listener>,
     ) -> Self {
         Self {
             listener,
             axis_map: settings.axis_map,
-            selection: Selection::new(sensor),
+            selection: Selection::new(sensor, needle),
             reported: 0,
             damage: DamageWatch::default(),
             regularity: Regularity::default(),
@@ -59,6 +63,8 @@ impl Intake {
             patience: settings.device.silence,
             probe_at: Duration::ZERO,
             missing_told: false,
+            opened_at: Duration::ZERO,
+            needle_told: false,
             sender_told: None,
             connection: (0, 0),
             summary: SessionSummary::default(),
@@ -71,8 +77,8 @@ impl Intake {
         self.summary.cause = None;
         (self.reported, self.connection) = (0, (0, 0));
         self.advisor.forget();
-        self.probe_at = now;
-        self.missing_told = false;
+        (self.probe_at, self.opened_at) = (now, now);
+        (self.missing_told, self.needle_told) = (false, false);
         self.event(host_ns, &TrackerEvent::Connected { port });
     }
 
@@ -120,6 +126,11 @@ impl Intake {
                     self.event(host_ns, &TrackerEvent::Irregular(irregularity));
                 }
             }
+            Verdict::Needle => {
+                self.summary.needle_records += 1;
+                self.listener.needle_record(host_ns, &record);
+                self.report_missing_probe(now, host_ns);
+            }
             Verdict::Other => self.other(now, host_ns, at),
             Verdict::Undecided => {
                 self.summary.other_sensor += 1;
@@ -129,9 +140,10 @@ impl Intake {
                 }
             }
         }
+        self.report_missing_needle(now, host_ns);
     }
 
-    /// Takes a record of a sensor that is not the probe.
+    /// Takes a record of a sensor that is of no tool.
     fn other(&mut self, now: Duration, host_ns: u64, at: Option<usize>) {
         self.summary.other_sensor += 1;
         let bit = 1 << at.unwrap_or(63).min(63);
@@ -142,11 +154,29 @@ impl Intake {
                 self.event(host_ns, &TrackerEvent::OtherSensor { sensor, used });
             }
         }
+        self.report_missing_probe(now, host_ns);
+    }
+
+    /// Reports the probe's absence once, if it has lasted.
+    fn report_missing_probe(&mut self, now: Duration, host_ns: u64) {
         let for_ = now.saturating_sub(self.probe_at);
         if let (false, true, Some(wanted)) = (self.missing_told, for_ >= self.patience, self.selection.wanted()) {
             let (wanted, heard) = (wanted.clone(), self.selection.heard().to_vec());
             self.missing_told = true;
             self.event(host_ns, &TrackerEvent::ProbeMissing { wanted, for_, heard });
+        }
+    }
+
+    /// Reports once per connection that the needle was never heard. A needle that was heard before has a tracking state.
+    fn report_missing_needle(&mut self, now: Duration, host_ns: u64) {
+        let for_ = now.saturating_sub(self.opened_at);
+        if self.needle_told || for_ < self.patience {
+            return;
+        }
+        if let Some(wanted) = self.selection.missing_needle().cloned() {
+            self.needle_told = true;
+            let heard = self.selection.heard().to_vec();
+            self.event(host_ns, &TrackerEvent::NeedleMissing { wanted, for_, heard });
         }
     }
 
@@ -206,7 +236,7 @@ impl Intake {
     pub(super) fn finish(mut self, skipped: Option<String>) -> SessionSummary {
         self.summary.heard = self.selection.heard().to_vec();
         self.summary.undecided = self.selection.is_undecided();
-        if self.summary.records == 0 && self.summary.connections > 0 && self.summary.other_sensor == 0 {
+        if self.summary.records == 0 && self.summary.connections > 0 && self.selection.heard().is_empty() {
             self.summary.cause = self.cause_of_silence(skipped);
         }
         self.summary

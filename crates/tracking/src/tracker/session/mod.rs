@@ -50,7 +50,9 @@ pub struct SessionSummary {
     pub records: u64,
     /// Number of decode errors, including errors reported by the device.
     pub decode_errors: u64,
-    /// Number of records of sensors other than the probe. If there are several sensors and none was chosen, all records
+    /// Number of records of the needle passed to the listener.
+    pub needle_records: u64,
+    /// Number of records of sensors other than the tools'. If there are several sensors and none was chosen, all records
     /// count here.
     pub other_sensor: u64,
     /// Number of datagrams of other senders.
@@ -163,12 +165,13 @@ impl Session {
         }
         let port = Port::new(transport, playback)?;
         let recorded = match &port {
-            Port::Playback(port) => Some((port.source().protocol(), port.source().sensor())),
+            Port::Playback(port) => Some(port.source().stream()),
             _ => None,
         };
         let is_recorded = recorded.is_some();
-        let (protocol, sensor) = settings.stream(recorded);
-        match &sensor {
+        let stream = settings.stream(recorded);
+        let protocol = stream.protocol;
+        match &stream.sensor {
             Some(ProbeSensor::Tool(tool)) if !protocol.has_names() => {
                 return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
             }
@@ -191,7 +194,7 @@ impl Session {
         Ok(Self {
             port,
             driver,
-            intake: Intake::new(settings, (protocol, sensor), listener),
+            intake: Intake::new(settings, stream, listener),
             cancel,
             silence: SilenceWatch::new(protocol.may_rest()),
             started: Instant::now(),

@@ -7,7 +7,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::*;
 use crate::recording::{self, RecordingPlayback};
-use crate::tracker::{PlaybackError, Protocol, Record, Speed, mock};
+use crate::tracker::{PlaybackError, Protocol, Record, Speed, TrackerStream, mock};
 
 mod devices;
 mod recordings;
@@ -18,6 +18,7 @@ mod tools;
 struct Calls {
     bytes: Vec<(u64, Vec<u8>)>,
     records: Vec<(u64, Record)>,
+    needle: Vec<(u64, Record)>,
     events: Vec<(u64, TrackerEvent)>,
     /// Number of records at which to cancel the session, and its token; `None`: the test cancels it.
     enough: Option<(usize, CancellationToken)>,
@@ -40,6 +41,10 @@ impl Listener for TrackerListener {
         {
             cancel.cancel();
         }
+    }
+
+    fn needle_record(&mut self, host_time_ns: u64, record: &Record) {
+        self.0.lock().unwrap().needle.push((host_time_ns, *record));
     }
 
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
@@ -89,6 +94,7 @@ fn name(event: &TrackerEvent) -> &'static str {
         TrackerEvent::OnlyTool { .. } => "only tool",
         TrackerEvent::Undecided { .. } => "undecided",
         TrackerEvent::ProbeMissing { .. } => "probe missing",
+        TrackerEvent::NeedleMissing { .. } => "needle missing",
         TrackerEvent::OtherSender { .. } => "other sender",
         TrackerEvent::SenderChanged { .. } => "sender changed",
         TrackerEvent::Irregular(_) => "irregular",
@@ -164,12 +170,8 @@ impl Playback for Nothing {
         "nothing".to_owned()
     }
 
-    fn protocol(&self) -> Protocol {
-        Protocol::AsciiLine
-    }
-
-    fn sensor(&self) -> Option<ProbeSensor> {
-        None
+    fn stream(&self) -> TrackerStream {
+        TrackerStream::default()
     }
 
     fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError> {

@@ -4,7 +4,7 @@ use insonify_core::pose::{Pose, Reading};
 
 use super::*;
 use crate::recording::{RecordingInfo, RecordingWriter, stream_of};
-use crate::tracker::ascii_line;
+use crate::tracker::{NeedleSensor, ascii_line};
 
 fn line(n: u32) -> String {
     let pose = Pose::from_components([f64::from(n), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
@@ -80,17 +80,21 @@ async fn an_endless_recording_can_be_cancelled() {
 #[test]
 fn the_selected_sensor_is_the_stations_or_the_streams() {
     let (dir, mut settings) = recording(1);
-    assert_eq!(stream_of(&settings).unwrap(), (Protocol::AsciiLine, None));
+    let stream = |protocol, sensor| TrackerStream { protocol, sensor, needle: None };
+    assert_eq!(stream_of(&settings).unwrap(), stream(Protocol::AsciiLine, None));
     let path = dir.path().join("b.mcap");
     let number = |number| Some(ProbeSensor::Number(number));
     let info = RecordingInfo { protocol: Protocol::Liberty, sensor: number(2), ..RecordingInfo::default() };
     RecordingWriter::create(&path, &info).unwrap().finish().unwrap();
     settings.transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
-    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, number(2)));
+    assert_eq!(stream_of(&settings).unwrap(), stream(Protocol::Liberty, number(2)));
     settings.device.sensor = Some(3);
-    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, number(3)));
+    assert_eq!(stream_of(&settings).unwrap(), stream(Protocol::Liberty, number(3)));
+    // So is the needle's.
+    settings.device.needle = Some(NeedleSensor::Number(4));
+    assert_eq!(stream_of(&settings).unwrap().needle, Some(NeedleSensor::Number(4)));
     let live = Settings { protocol: Protocol::Liberty, ..Settings::default() };
-    assert_eq!(stream_of(&live).unwrap(), (Protocol::Liberty, number(1)));
+    assert_eq!(stream_of(&live).unwrap(), stream(Protocol::Liberty, number(1)));
     let live = Settings { protocol: Protocol::OpenIgtLink, ..Settings::default() };
-    assert_eq!(stream_of(&live).unwrap(), (Protocol::OpenIgtLink, Some(ProbeSensor::Only)));
+    assert_eq!(stream_of(&live).unwrap(), stream(Protocol::OpenIgtLink, Some(ProbeSensor::Only)));
 }

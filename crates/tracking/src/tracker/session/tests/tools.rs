@@ -1,13 +1,14 @@
 //! Sessions with several tools, and with damaged streams.
 
 use glam::{DMat3, DVec3};
+use insonify_core::pose::{Estimator, Measurement, TrackingState};
 use tokio::io::AsyncWriteExt;
 
 use super::devices::pipe;
 use super::*;
 use crate::recording::{DecodedRecording, Item, RecordingInfo, RecordingReader, RecordingWriter, stream_of};
 use crate::tracker::openigtlink::message::put_transform;
-use crate::tracker::{Damage, ascii_line};
+use crate::tracker::{Damage, NeedleSensor, TrackerStream, ascii_line};
 
 /// Time between two messages of a tool.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -79,6 +80,105 @@ async fn a_named_tool_that_is_not_heard_is_told_with_those_that_are() {
     assert!(text.contains("did you mean `ProbeToTracker`?"), "{text}");
 }
 
+/// A session with the server above, with the stylus as its needle under `name`.
+async fn with_needle(name: &str, seconds: u64) -> (SessionSummary, Shared) {
+    let mut settings = igtl(None);
+    settings.device.needle = Some(NeedleSensor::Tool(name.to_owned()));
+    let (mut session, calls, cancel) = session(&settings);
+    session.port = server();
+    (run_for(session, cancel, Duration::from_secs(seconds)).await, calls)
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_needle_is_heard_apart_from_the_probe_which_needs_no_choice() {
+    let (summary, calls) = with_needle("StylusToTracker", 4).await;
+    let calls = calls.lock().unwrap();
+    assert_eq!(names(&calls), ["connected", "only tool"]);
+    assert!(calls.records.len() > 140 && calls.records.iter().all(|(_, record)| x_of(record) > 0.0));
+    assert!(calls.needle.len() > 190 && calls.needle.iter().all(|(_, record)| x_of(record) == -500.0));
+    assert_eq!((summary.needle_records, summary.other_sensor), (calls.needle.len() as u64, 0));
+    assert!(!summary.undecided);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_needle_that_is_never_heard_is_told_once() {
+    let (summary, calls) = with_needle("stylustotracker", 6).await;
+    let calls = calls.lock().unwrap();
+    let told: Vec<_> = calls.events.iter().filter(|(_, event)| name(event) == "needle missing").collect();
+    assert_eq!((told.len(), summary.needle_records), (1, 0));
+    let text = told[0].1.to_string();
+    assert!(text.contains("the needle (tool `stylustotracker`) is not heard for 2.0 s"), "{text}");
+    assert!(text.contains("did you mean `StylusToTracker`?"), "{text}");
+}
+
+/// Tracking states of probe and needle at these times of a session, s since its first record.
+fn states(calls: &Calls, times_s: &[f64]) -> Vec<(TrackingState, TrackingState)> {
+    let [mut probe, mut needle] = [(); 2].map(|()| Estimator::new(insonify_core::pose::Settings::default()));
+    let start_ns = calls.records[0].0.min(calls.needle[0].0);
+    let measurements = |records: &[(u64, Record)]| -> Vec<Measurement> {
+        let of = |(host_time_ns, record): &(u64, Record)| Measurement {
+            host_time_ns: *host_time_ns,
+            device_time_us: record.device_time_us,
+            sequence: record.sequence,
+            reading: record.reading,
+        };
+        records.iter().map(of).collect()
+    };
+    let all = [measurements(&calls.records), measurements(&calls.needle)];
+    let mut next = [0; 2];
+    let mut at = |time_s: &f64| {
+        let now_ns = start_ns + (1e9 * time_s) as u64;
+        for ((estimator, all), next) in [&mut probe, &mut needle].into_iter().zip(&all).zip(&mut next) {
+            while let Some(measurement) = all.get(*next).filter(|m| m.host_time_ns <= now_ns) {
+                estimator.push(measurement);
+                *next += 1;
+            }
+        }
+        (probe.sample(now_ns, now_ns).state, needle.sample(now_ns, now_ns).state)
+    };
+    times_s.iter().map(&mut at).collect()
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_needle_out_of_view_for_two_seconds_is_lost_alone_and_found_again() {
+    use TrackingState::{Good, Held, Lost, Stale};
+    for order in [["ProbeToTracker", "NeedleToTracker"], ["NeedleToTracker", "ProbeToTracker"]] {
+        let mut settings = igtl(Some("ProbeToTracker"));
+        settings.device.needle = Some(NeedleSensor::Tool("NeedleToTracker".to_owned()));
+        let (mut session, calls, cancel) = session(&settings);
+        session.port = pipe(move |mut far| async move {
+            for n in 0..250 {
+                for name in order {
+                    // 2.4 s without a message of the needle.
+                    if name == "ProbeToTracker" || !(50..170).contains(&n) {
+                        far.write_all(&transform(name, 0.1 * f64::from(n))).await.unwrap();
+                    }
+                }
+                sleep(PERIOD).await;
+            }
+        });
+        run_for(session, cancel, Duration::from_secs(5)).await;
+        let calls = calls.lock().unwrap();
+        assert_eq!(names(&calls), ["connected"], "{order:?}");
+        let found = states(&calls, &[0.9, 1.3, 1.9, 3.2, 4.5]);
+        let needle: Vec<_> = found.iter().map(|(_, needle)| *needle).collect();
+        assert_eq!(needle, [Good, Held, Stale, Lost, Good], "{order:?}");
+        assert!(found.iter().all(|(probe, _)| *probe == Good), "{order:?}: {found:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_probe_that_is_missed_is_told_while_only_the_needle_is_heard() {
+    let (mut session, calls, cancel) = {
+        let mut settings = igtl(Some("Probe"));
+        settings.device.needle = Some(NeedleSensor::Tool("StylusToTracker".to_owned()));
+        session(&settings)
+    };
+    session.port = server();
+    run_for(session, cancel, Duration::from_millis(2990)).await;
+    assert!(names(&calls.lock().unwrap()).contains(&"probe missing"));
+}
+
 #[test]
 fn a_name_for_a_protocol_with_numbers_is_refused() {
     let mut settings = mock("move 1");
@@ -109,8 +209,8 @@ async fn a_replay_takes_the_same_records_as_the_session() {
         };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
-        let (protocol, sensor) = stream_of(&igtl(tool)).unwrap();
-        let info = RecordingInfo { protocol, sensor, ..RecordingInfo::default() };
+        let TrackerStream { protocol, sensor, needle } = stream_of(&igtl(tool)).unwrap();
+        let info = RecordingInfo { protocol, sensor, needle, ..RecordingInfo::default() };
         let mut writer = RecordingWriter::create(&path, &info).unwrap();
         bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
         writer.finish().unwrap();
