@@ -174,7 +174,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             }
             frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
             if has_needle {
-                frame.run(NeedleShadow, last, [cells.div_ceil(64), 1, 1], &[], &[&needle.shadows, &a.mask])?;
+                frame.run(NeedleShadow, last, [(2 * cells).div_ceil(64), 1, 1], &[], &[&needle.shadows, &a.mask])?;
             }
             // Fields of the modes (waves along the face) in each depth plane, amplitudes of the beams that they sum to,
             // and the beams' profiles.

@@ -24,7 +24,8 @@ impl NeedleBuffers {
         Ok(Self {
             starts: gpu.storage("needle starts", on * 4 * u64::from(scanlines + 1))?,
             echoes: gpu.storage("needle echoes", on * (NEEDLE_ECHOES_MAX * size_of::<NeedleEcho>()) as u64)?,
-            shadows: gpu.storage("needle shadows", on * size_of::<Shadow>() as u64 * cells)?,
+            // Two depth planes share the shadow of each cell.
+            shadows: gpu.storage("needle shadows", on * 2 * size_of::<Shadow>() as u64 * cells)?,
             outline: gpu.buffer("needle outline", size_of::<Outline>() as u64, UNIFORM)?,
         })
     }

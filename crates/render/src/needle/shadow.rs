@@ -22,8 +22,8 @@ pub(crate) struct Shadow {
 }
 
 impl NeedleTables {
-    /// Adds the cells behind the shaft, each once. The shadow begins at the second depth plane behind the shaft, so that
-    /// it leaves the needle's own echo as it is.
+    /// Adds the cells behind the shaft, each once. The shadow begins more than a depth plane behind the shaft, so that it
+    /// leaves the needle's own echo as it is.
     pub(super) fn add_shadow(
         &self,
         placed: &Placed,
@@ -45,13 +45,20 @@ impl NeedleTables {
                     depth_mm = at_mm;
                 }
             }
-            // Fractional index of the depth plane at the shaft.
-            let position = depth_mm / f64::from(aperture.plane_mm) - 0.5;
-            let plane = (position.floor() + 1.0).max(0.0) as usize;
-            if share > LEAST && plane < aperture.planes {
-                // One-way amplitude: sound passes the shaft on its way out and on its way back.
-                let passes = (1.0 - share.min(MOST)).sqrt();
-                into.push(Shadow { cell: (plane * cells + cell) as u32, passes: passes as f32 });
+            if share <= LEAST {
+                continue;
+            }
+            // One-way amplitude: sound passes the shaft on its way out and on its way back. Two planes share its
+            // logarithm, so that the shadow begins at the same distance from every point of an oblique shaft.
+            let passes = (1.0 - share.min(MOST)).sqrt();
+            let position = (depth_mm / f64::from(aperture.plane_mm) - 0.5).max(-0.5);
+            let plane = (position.floor() + 1.0) as usize;
+            let deeper = position - position.floor();
+            for (plane, part) in [(plane, 1.0 - deeper), (plane + 1, deeper)] {
+                if plane < aperture.planes {
+                    let passes = passes.powf(part) as f32;
+                    into.push(Shadow { cell: (plane * cells + cell) as u32, passes });
+                }
             }
         }
     }
