@@ -9,6 +9,7 @@ use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{BvhError, SceneError, TissueError};
 use crate::files::FileError;
 use crate::phantom::CacheError;
+use crate::pose::needle_mount::NeedleError;
 use crate::pose::{CalibrationError, PoseError};
 use crate::recording::RecordingError;
 
@@ -147,13 +148,16 @@ pub enum StationError {
     NeedlePose(PoseError),
     /// Nothing says how the sensor of a tracked needle is mounted.
     #[error(
-        "`[needle]` is tracked, but {}; `insonify calibrate needle --tracker STATION.toml` writes it",
+        "`[needle]` is tracked, but {}; `insonify calibrate pivot --of needle` and `insonify calibrate spin --of needle`, each with `--tracker STATION.toml`, write it",
         no_mount(calibration.as_deref())
     )]
     NeedleMount {
         /// The calibration file; `None` if the station names none.
         calibration: Option<PathBuf>,
     },
+    /// The needle is calibrated in part.
+    #[error("the table `[needle]` of the calibration file: {0}")]
+    NeedleCalibration(NeedleError),
     /// The values of `sensor_from_probe` are no pose.
     #[error("[calibration] sensor_from_probe: {0}")]
     SensorFromProbe(PoseError),

@@ -13,7 +13,6 @@ mod error;
 mod examination;
 mod generator;
 mod keys;
-mod needle_mount;
 mod needle_table;
 mod openigtlink;
 mod parse;
@@ -248,8 +247,11 @@ impl Station {
             tracker::Transport::Recording { .. } => self.calibration.path.is_none(),
             _ => false,
         };
-        let (sensor_from_needle, bevel_known) = match needle_mount::needle_mount(&self.calibration)? {
-            Some(mount) => mount,
+        let (sensor_from_needle, bevel_known) = match settings.calibration.needle {
+            Some(known) => {
+                let mount = known.mount().map_err(StationError::NeedleCalibration)?;
+                (mount.sensor_from_needle(), mount.bevel.is_some())
+            }
             None if is_given => (Pose::IDENTITY, true),
             None => return Err(StationError::NeedleMount { calibration: self.calibration.path.clone() }),
         };

@@ -227,19 +227,19 @@ mod tests {
         assert!(matches!(error, StationError::NeedleMount { calibration: Some(_) }));
         let text = error.to_string();
         assert!(
-            text.contains("c.toml has no table `[needle]`") && text.contains("`insonify calibrate needle"),
+            text.contains("c.toml has no table `[needle]`") && text.contains("`insonify calibrate pivot --of needle`"),
             "{text}"
         );
         assert!(settings(&liberty, None).unwrap_err().to_string().contains("`[calibration] path` names no file"));
-        let mounted = "version = 1\n[needle]\ntip_mm = [0, 0, 120]\naxis = [0, 2, 0]\n";
+        let mounted = "version = 1\n[needle]\ntip_mm = [0, 120, 0]\naxis = [0, 1, 0]\n";
         let found = settings(&liberty, Some(mounted)).unwrap();
         let needle = found.settings.calibration.scene_from_probe(Pose::IDENTITY);
-        assert!(needle.position_mm.distance(DVec3::Z * 120.0) < 1e-9 && !found.bevel_known);
+        assert!(needle.position_mm.distance(DVec3::Y * 120.0) < 1e-9 && !found.bevel_known);
         assert!(needle.transform_vector(DVec3::Z).distance(DVec3::Y) < 1e-9, "{needle:?}");
         let found = settings(&liberty, Some(&format!("{mounted}bevel = [-1, 0, 0]\n"))).unwrap();
         let needle = found.settings.calibration.scene_from_probe(Pose::IDENTITY);
         assert!(needle.transform_vector(DVec3::X).distance(-DVec3::X) < 1e-9 && found.bevel_known, "{needle:?}");
-        let wrong = settings(&liberty, Some(&mounted.replace("axis = [0, 2, 0]", "axis = [0, 0, 0]"))).unwrap_err();
+        let wrong = settings(&liberty, Some(&mounted.replace("axis = [0, 1, 0]", "axis = [0, 0, 0]"))).unwrap_err();
         assert!(wrong.to_string().contains("`needle.axis`"), "{wrong}");
         // The mock's sensor is the needle's frame.
         assert!(settings("[tracker]\ntransport = \"mock\"\n[needle]", None).unwrap().bevel_known);

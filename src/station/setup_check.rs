@@ -310,6 +310,7 @@ mod tests {
             scene_from_tracker: fitted(at([0.0, 9000.0, 0.0])),
             sensor_from_probe: fitted(at([0.0, 0.0, 0.09])),
             stylus_tip_mm: fitted(DVec3::X * 900.0),
+            ..Calibration::default()
         };
         std::fs::write(dir.join("wrong.toml"), wrong.to_toml()).unwrap();
         for part in [
@@ -368,7 +369,7 @@ mod tests {
         let right = Calibration {
             scene_from_tracker: Some(Fitted { value: pose(400.0, 1.0), rms_mm: Some(1.2) }),
             sensor_from_probe: Some(Fitted { value: pose(90.0, 0.5), rms_mm: Some(0.4) }),
-            stylus_tip_mm: None,
+            ..Calibration::default()
         };
         std::fs::write(dir.path().join("c.toml"), right.to_toml()).unwrap();
         let port = "[tracker]\ntransport = \"serial\"\nprotocol = \"liberty\"\nport = \"/dev/null\"\n[calibration]\npath = \"c.toml\"\n";

@@ -133,6 +133,7 @@ fn no_command_writes_a_file_that_it_reads() {
         vec!["evaluate", &a, &b, "--json", &b],
         vec!["generator", model, "--frame", dir, "--out", model],
         vec!["calibrate", "pivot", recording, "--out", &hard],
+        vec!["calibrate", "spin", recording, "--out", &hard],
         vec!["calibrate", "landmarks", &points, "--out", &points],
     ] {
         let output = insonify(&arguments);

@@ -2,23 +2,16 @@
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use insonify::pose::Pose;
 use insonify::pose::pivot::{Pivot, calibrate, explained};
 use insonify::pose::probe_mount::{MountError, MountSteps, ProbeMount, check_ends, mount};
-use insonify::recording::spawn;
 use insonify::station::Station;
-use insonify::tracker::pose_tap;
 use insonify::transducer::{Probe, ProbeKind};
-use tokio_util::sync::CancellationToken;
 
-use super::super::{Classify, Failure, tracker_args};
-use super::calibration_file;
-
-/// Time without a pose after which the tracker counts as lost.
-const SILENCE: Duration = Duration::from_secs(2);
+use super::super::{Classify, Failure};
+use super::{calibration_file, live};
 
 /// Instruction of each step, and duration of its recording, s.
 const STEPS: [(&str, u64); 4] = [
@@ -47,20 +40,9 @@ pub(super) fn run(
     check: Check<'_>,
 ) -> Result<(ProbeMount, PathBuf), Failure> {
     let station = Station::load(path)?;
-    let mut settings = tracker_args::of_station(&station)?;
-    settings.device.choose(sensor, tool.map(str::to_owned));
+    let settings = live::settings(&station, sensor, tool)?;
     let out = calibration_file(&station, out, std::iter::empty())?;
-    let (tap, stream) = pose_tap();
-    let cancel = CancellationToken::new();
-    let session = spawn(&settings, Box::new(tap), cancel.clone())?;
-    let found = ask(&mut std::io::stdin().lock(), check, |seconds| {
-        let end = Instant::now() + Duration::from_secs(seconds);
-        let poses: Vec<Pose> = stream.poses(SILENCE).take_while(|_| Instant::now() < end).collect();
-        if poses.is_empty() { Err(format!("no pose came; {stream}")) } else { Ok(poses) }
-    });
-    cancel.cancel();
-    session.join();
-    let found = found?;
+    let found = live::recorded(&settings, |record| ask(&mut std::io::stdin().lock(), check, record))??;
     let face = found.width_mm.zip(found.arc_mm);
     if let Some(said) = face.and_then(|face| other_face(face, &station.probe)) {
         tracing::warn!("{said}");

@@ -1,10 +1,13 @@
-//! `insonify calibrate`: fits the transforms between scene, tracker, sensor and probe.
+//! `insonify calibrate`: fits the transforms between scene, tracker, sensors, probe and needle.
 
 mod guided;
 mod landmarks;
+mod live;
+mod needle;
 mod pivot;
 mod poses;
 mod probe;
+mod spin;
 mod touch;
 
 use std::path::{Path, PathBuf};
@@ -18,7 +21,7 @@ use insonify::station::Station;
 
 use super::{Classify, Failure};
 
-/// Fit the position of the tracker in the scene, and the mounting of a stylus or a probe on its sensor.
+/// Fit the position of the tracker in the scene, and the mounting of a stylus, a probe or a needle on its sensor.
 ///
 /// With --out the result goes into a calibration file, which a station names in `[calibration] path`. Other entries of
 /// that file stay unchanged.
@@ -33,6 +36,7 @@ const AFTER_HELP: &str = "\
 Example:
   insonify calibrate pivot pivoting.mcap --out station.calibration.toml
   insonify calibrate probe --tracker station.toml            centre and axes of the probe, step by step
+  insonify calibrate spin --of needle spinning.mcap --out station.calibration.toml
   insonify calibrate landmarks belly.csv --out station.calibration.toml
   insonify calibrate landmarks --tracker station.toml        touch the scene's landmarks one by one
 and in the station file:
@@ -44,6 +48,7 @@ enum What {
     Landmarks(landmarks::Args),
     Pivot(pivot::Args),
     Probe(probe::Args),
+    Spin(spin::Args),
 }
 
 /// Options common to all calibrations.
@@ -68,6 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         What::Landmarks(args) => landmarks::run(args),
         What::Pivot(args) => pivot::run(args),
         What::Probe(args) => probe::run(args),
+        What::Spin(args) => spin::run(args),
     }
 }
 

@@ -5,6 +5,8 @@
 
 mod columns;
 mod estimator;
+mod needle;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};

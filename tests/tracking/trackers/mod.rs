@@ -10,6 +10,8 @@ mod landmarks;
 mod listener;
 #[cfg(all(target_os = "linux", feature = "serial"))]
 mod ndi;
+#[cfg(unix)]
+mod needle;
 #[allow(dead_code)]
 mod polhemus;
 #[cfg(all(unix, feature = "serial"))]

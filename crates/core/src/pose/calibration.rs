@@ -1,4 +1,4 @@
-//! Calibration of tracker, sensor and probe, and its file.
+//! Calibration of tracker, probe, stylus and needle, and its file.
 //!
 //! A calibration file is TOML. Only the version is required; every table is optional, and an unknown key is an error.
 //! Lengths are in mm; a quaternion is `[qw, qx, qy, qz]` of norm 1.
@@ -18,6 +18,14 @@
 //! [stylus]                           # from `insonify calibrate pivot`
 //! tip_mm = [0.0, 0.0, 120.0]         # the tip in the frame of the stylus' sensor
 //! rms_mm = 0.2
+//!
+//! [needle]                           # `insonify calibrate pivot --of needle` and `insonify calibrate spin --of needle`
+//! tip_mm = [0.0, 0.0, 95.0]          # the tip in the frame of the needle's sensor
+//! rms_mm = 0.3
+//! axis = [0.0, 0.0, 1.0]             # along the shaft from hub to tip, sensor's frame, of length 1
+//! axis_deg = 0.05                    # standard error of the axis, for information
+//! points_to_tip = false              # true: `axis` points to the tip; else the tip decides between `axis` and its opposite
+//! bevel = [1.0, 0.0, 0.0]            # where the bevel's facet faces, across the shaft; may be missing
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -26,8 +34,12 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::needle_mount::{NeedleCalibration, NeedleError, NeedleMount, out_of_range};
 use super::{POSITION_LIMIT_MM, Pose, PoseError};
 use crate::files::{self, FileError, FileKind};
+
+#[cfg(test)]
+mod tests;
 
 /// Version of the file format; other versions are refused.
 pub(crate) const CALIBRATION_VERSION: u32 = 1;
@@ -74,11 +86,13 @@ pub enum CalibrationError {
         /// Fault of the pose.
         source: PoseError,
     },
-    /// A stylus tip outside its range.
-    #[error("`stylus.tip_mm` is {tip_mm:?}; it must be three numbers within ±{POSITION_LIMIT_MM} mm")]
-    Tip {
-        /// Tip found, mm.
-        tip_mm: [f64; 3],
+    /// A value of a stylus or a needle outside its range.
+    #[error("`{key}` is {fault}")]
+    Tool {
+        /// Key with its table.
+        key: &'static str,
+        /// Value found, and what would be right.
+        fault: String,
     },
     /// The same transform in the station file and in the calibration file.
     #[error("`sensor_from_probe` is given twice: in the station file and in {path}; remove one of them")]
@@ -97,6 +111,9 @@ pub struct Calibration {
     pub sensor_from_probe: Option<Fitted<Pose>>,
     /// Tip of the stylus in the frame of the stylus' sensor, mm.
     pub stylus_tip_mm: Option<Fitted<DVec3>>,
+    /// Mounting of the sensor on the needle, as far as it is calibrated; [`needle_mount`](Self::needle_mount) gives the
+    /// complete one.
+    pub needle: Option<NeedleCalibration>,
 }
 
 /// A value with the residual of its fit.
@@ -129,6 +146,20 @@ impl Calibration {
         inverse(self.scene_from_tracker) * scene_from_probe * inverse(self.sensor_from_probe)
     }
 
+    /// Mounting of the sensor on the needle.
+    ///
+    /// # Errors
+    /// The tip or the axis is unknown; the error names the command that finds it. Or the axis may point either way.
+    pub fn needle_mount(&self) -> Result<NeedleMount, NeedleError> {
+        self.needle.unwrap_or_default().mount()
+    }
+
+    /// `scene_from_needle` for a measured `tracker_from_sensor` of the needle's sensor.
+    pub fn scene_from_needle(&self, tracker_from_sensor: Pose, mount: &NeedleMount) -> Pose {
+        let scene_from_tracker = self.scene_from_tracker.map_or(Pose::IDENTITY, |fitted| fitted.value);
+        scene_from_tracker * tracker_from_sensor * mount.sensor_from_needle()
+    }
+
     /// Reads the calibration file at `path`.
     ///
     /// # Errors
@@ -148,11 +179,12 @@ impl Calibration {
     /// As [`Calibration::load`].
     pub fn of_files<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<Self, CalibrationError> {
         paths.into_iter().filter(|path| path.exists()).try_fold(Self::default(), |before, path| {
-            let Self { scene_from_tracker, sensor_from_probe, stylus_tip_mm } = Self::load(path)?;
+            let Self { scene_from_tracker, sensor_from_probe, stylus_tip_mm, needle } = Self::load(path)?;
             Ok(Self {
                 scene_from_tracker: scene_from_tracker.or(before.scene_from_tracker),
                 sensor_from_probe: sensor_from_probe.or(before.sensor_from_probe),
                 stylus_tip_mm: stylus_tip_mm.or(before.stylus_tip_mm),
+                needle: needle.or(before.needle),
             })
         })
     }
@@ -161,7 +193,7 @@ impl Calibration {
     ///
     /// # Errors
     /// The text is not TOML, has another version, an unknown key or a value of the wrong type. A transform is not a
-    /// pose, or the stylus tip is out of range.
+    /// pose, a tip is out of range, or a direction has not the length 1.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
         let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: files::toml_reason(text, &e) };
         // The version is checked first: the values of another version may be valid there.
@@ -170,11 +202,13 @@ impl Calibration {
             return Err(CalibrationError::Version { found: version });
         }
         let file: File = toml::from_str(text).map_err(syntax)?;
+        let tool = |(key, fault)| CalibrationError::Tool { key, fault };
         let pose = |table, transform: Option<Transform>| transform.map(|t| t.pose(table)).transpose();
         Ok(Self {
             scene_from_tracker: pose("scene_from_tracker", file.scene_from_tracker)?,
             sensor_from_probe: pose("sensor_from_probe", file.sensor_from_probe)?,
             stylus_tip_mm: file.stylus.map(|stylus| stylus.tip()).transpose()?,
+            needle: file.needle.map(NeedleCalibration::checked).transpose().map_err(tool)?,
         })
     }
 
@@ -185,7 +219,7 @@ impl Calibration {
             scene_from_tracker: self.scene_from_tracker.map(Transform::of),
             sensor_from_probe: self.sensor_from_probe.map(Transform::of),
             stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
-            needle: None,
+            needle: self.needle,
         };
         let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
         // Serialisation of numbers and tables with fixed names cannot fail.
@@ -234,9 +268,8 @@ struct File {
     sensor_from_probe: Option<Transform>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stylus: Option<Stylus>,
-    /// Mounting of the needle's sensor.
     #[serde(skip_serializing_if = "Option::is_none")]
-    needle: Option<toml::Table>,
+    needle: Option<NeedleCalibration>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -274,122 +307,8 @@ impl Stylus {
     fn tip(self) -> Result<Fitted<DVec3>, CalibrationError> {
         let tip = DVec3::from_array(self.tip_mm);
         if !tip.is_finite() || tip.abs().max_element() > POSITION_LIMIT_MM {
-            return Err(CalibrationError::Tip { tip_mm: self.tip_mm });
+            return Err(CalibrationError::Tool { key: "stylus.tip_mm", fault: out_of_range(tip) });
         }
         Ok(Fitted { value: tip, rms_mm: self.rms_mm })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn whole() -> Calibration {
-        let pose =
-            |x: f64, angle| Pose { position_mm: DVec3::new(x, -2.5, 1e-3), orientation: DQuat::from_rotation_y(angle) };
-        Calibration {
-            scene_from_tracker: Some(Fitted { value: pose(10.0, 0.3), rms_mm: Some(0.61) }),
-            sensor_from_probe: Some(Fitted::known(pose(-4.0, 1.3))),
-            stylus_tip_mm: Some(Fitted { value: DVec3::new(0.0, 1.0, 120.0), rms_mm: Some(0.2) }),
-        }
-    }
-
-    #[test]
-    fn a_calibration_survives_writing_and_reading() {
-        for calibration in [whole(), Calibration::default(), Calibration { scene_from_tracker: None, ..whole() }] {
-            let found = Calibration::parse(&calibration.to_toml()).unwrap();
-            assert_eq!(found.stylus_tip_mm, calibration.stylus_tip_mm);
-            for (a, b) in [
-                (found.scene_from_tracker, calibration.scene_from_tracker),
-                (found.sensor_from_probe, calibration.sensor_from_probe),
-            ] {
-                assert_eq!(a.map(|f| f.rms_mm), b.map(|f| f.rms_mm));
-                let (Some(a), Some(b)) = (a, b) else { continue };
-                assert!(a.value.position_mm == b.value.position_mm);
-                assert!(a.value.orientation.angle_between(b.value.orientation) < 1e-7);
-            }
-        }
-    }
-
-    #[test]
-    fn the_documented_file_is_read() {
-        let docs = include_str!("calibration.rs").lines().skip_while(|l| !l.contains("```toml")).skip(1);
-        let text: String =
-            docs.take_while(|l| !l.contains("```")).map(|l| l[3..].trim_start().to_owned() + "\n").collect();
-        let found = Calibration::parse(&text).unwrap();
-        assert_eq!(found.stylus_tip_mm.unwrap().value, DVec3::Z * 120.0);
-        assert_eq!(found.scene_from_tracker.unwrap().rms_mm, Some(0.6));
-    }
-
-    #[test]
-    fn frames_are_chained_in_order() {
-        let calibration = whole();
-        let tracker_from_sensor = Pose { position_mm: DVec3::X, orientation: DQuat::from_rotation_z(1.0) };
-        let scene_from_probe = calibration.scene_from_probe(tracker_from_sensor);
-        let by_hand = calibration.scene_from_tracker.unwrap().value.transform_point(
-            tracker_from_sensor.transform_point(calibration.sensor_from_probe.unwrap().value.position_mm),
-        );
-        assert!(scene_from_probe.position_mm.distance(by_hand) < 1e-12);
-        assert_eq!(Calibration::default().scene_from_probe(tracker_from_sensor), tracker_from_sensor);
-    }
-
-    #[test]
-    fn faulty_files_are_explained() {
-        let transform = "position_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";
-        for (text, part) in [
-            ("".to_owned(), "missing field `version`"),
-            ("version = 2\nfuture = true".to_owned(), "`version` is 2; this program reads version 1"),
-            ("version = 1\nscene_from_traker = 3".to_owned(), "unknown field `scene_from_traker`, expected one of"),
-            (format!("version = 1\n[sensor_from_probe]\n{transform}scale = 2"), "unknown field `scale`"),
-            ("version = 1\n[stylus]\ntip_mm = [1, 2]".to_owned(), "line 3"),
-            ("version = 1\n[stylus]\ntip_mm = [1, 2, nan]".to_owned(), "`stylus.tip_mm` is [1.0, 2.0, NaN]"),
-            ("version = 1\n[stylus".to_owned(), "TOML parse error at line 2"),
-            (
-                "version = 1\n[scene_from_tracker]\nposition_mm = [0, 0, 0]\nquaternion = [1, 1, 0, 0]".to_owned(),
-                "[scene_from_tracker]: the pose's quaternion (qw,qx,qy,qz) has norm 1.414",
-            ),
-        ] {
-            let found = Calibration::parse(&text).unwrap_err().to_string();
-            assert!(found.contains(part), "{found}");
-        }
-        let found = Calibration::load(Path::new("/no/such.toml")).unwrap_err().to_string();
-        assert!(found.starts_with("cannot read the calibration file /no/such.toml: there is no such file"), "{found}");
-        assert!(
-            found.contains("`[calibration] path`") && found.contains("`insonify calibrate landmarks --tracker"),
-            "{found}"
-        );
-    }
-
-    #[test]
-    fn a_stations_sensor_mounting_is_added_once_only() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("c.toml");
-        let pose = Pose { position_mm: DVec3::Z, ..Pose::IDENTITY };
-        let source = CalibrationSource { path: Some(path.clone()), sensor_from_probe: Some(pose) };
-        std::fs::write(&path, Calibration { sensor_from_probe: None, ..whole() }.to_toml()).unwrap();
-        assert_eq!(source.load().unwrap().sensor_from_probe, Some(Fitted::known(pose)));
-        std::fs::write(&path, whole().to_toml()).unwrap();
-        assert!(source.load().unwrap_err().to_string().contains("given twice"));
-        assert_eq!(CalibrationSource::default().load().unwrap(), Calibration::default());
-    }
-
-    #[test]
-    fn an_earlier_file_holds_where_a_later_one_is_silent() {
-        let dir = tempfile::tempdir().unwrap();
-        let [ours, out] = ["station.toml", "out.toml"].map(|name| dir.path().join(name));
-        let tip = |station: Option<&Path>| {
-            let found = Calibration::of_files(station.into_iter().chain([out.as_path()])).unwrap();
-            found.stylus_tip_mm.map(|tip| tip.value)
-        };
-        assert_eq!((tip(None), tip(Some(&ours))), (None, None));
-        let write = |path: &Path, calibration: Calibration| std::fs::write(path, calibration.to_toml()).unwrap();
-        let stylus =
-            |z: f64| Calibration { stylus_tip_mm: Some(Fitted::known(DVec3::Z * z)), ..Calibration::default() };
-        write(&ours, stylus(120.0));
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
-        write(&out, Calibration::default());
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
-        write(&out, stylus(90.0));
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 90.0));
     }
 }

@@ -7,8 +7,8 @@
 //! A live pose passes these stages: measurement → order by the device's counter and clock ([`stream_order`]) → time on
 //! the host's clock ([`clock_regression`]) → `scene_from_tracker · tracker_from_sensor · sensor_from_probe`
 //! ([`calibration`]) → [`jump_gate`] → filter ([`one_euro`]) → history ([`ring`]) → [`prediction`] to the time of
-//! display, with a [`TrackingState`]. [`Estimator`] combines them. Calibrations come from [`registration`] and
-//! [`pivot`].
+//! display, with a [`TrackingState`]. [`Estimator`] combines them. Calibrations come from [`registration`],
+//! [`pivot`] and [`spin`].
 
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
@@ -22,6 +22,7 @@ pub mod jump_gate;
 pub mod landmark;
 mod landmark_fit;
 pub mod mix_up;
+pub mod needle_mount;
 pub mod one_euro;
 pub mod pivot;
 pub mod prediction;
@@ -30,6 +31,7 @@ pub mod rates;
 pub mod registration;
 pub mod ring;
 pub mod settings;
+pub mod spin;
 pub mod stream_order;
 pub mod stuck;
 pub mod table;

@@ -113,7 +113,7 @@ pub enum PivotError {
     },
     /// Too little rotation.
     #[error(
-        "the stylus was turned by {turn_deg:.1}° only; tilt it by at least {LEAST_TURN_DEG}° to all sides while its tip rests"
+        "the tool was turned by {turn_deg:.1}° only; tilt it by at least {LEAST_TURN_DEG}° to all sides while its tip rests"
     )]
     TooLittleTurn {
         /// Largest rotation found, degrees.
@@ -121,7 +121,7 @@ pub enum PivotError {
     },
     /// Rotation about one axis only.
     #[error(
-        "the stylus was turned about nearly one axis (condition number {condition:.0}, at most {CONDITION_LIMIT}): the tip's place along it is unknown; tilt it to all sides"
+        "the tool was turned about nearly one axis (condition number {condition:.0}, at most {CONDITION_LIMIT}): the tip's place along it is unknown; tilt it to all sides"
     )]
     OneAxis {
         /// Condition number found.

@@ -3,9 +3,8 @@
 //! - The **centre** of the face comes from a [`pivot`](super::pivot) calibration: the probe turns about it in a dimple.
 //! - The **lateral axis** comes from the two ends of the face, each rested in the same dimple: R⁻¹·(pivot − t) is the
 //!   point of the probe in the dimple. Alternatively, it comes from a straight slide with the marker's side ahead.
-//! - The **beam** axis comes from turning the upright probe about its own long axis a. R·a is constant, so a is the
-//!   eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn, the arc of a convex face gives the
-//!   beam: the centre of the face lies ahead of the middle between its ends.
+//! - The **beam** axis comes from turning the upright probe about its own long axis, see [`spin`](super::spin). Without
+//!   a turn, the arc of a convex face gives the beam: the centre of the face lies ahead of the middle between its ends.
 //!
 //! The lateral axis is more certain than the beam, so the beam is made perpendicular to the lateral axis. The probe's
 //! marker is at the first scanline, and the lateral axis points away from the marker.
@@ -17,7 +16,8 @@ use nalgebra::Matrix3;
 use serde::Serialize;
 
 use super::Pose;
-use super::pivot::{Pivot, calibrate, rotation_matrix, widest_turn};
+use super::pivot::{Pivot, calibrate, widest_turn};
+use super::spin::{self, LEAST_TURN_DEG, steadiest_axis};
 use super::transform::angle_between;
 
 mod error;
@@ -43,9 +43,6 @@ const OFF_CENTRE: f64 = 0.2;
 /// Smallest height of the face's arc, mm, at which the arc determines the beam.
 const ARC_MM: f64 = 4.0;
 
-/// Smallest accepted turn of the upright probe about its axis, degrees.
-const SPIN_DEG: f64 = 60.0;
-
 /// Largest accepted RMS deviation of the probe's axis while the probe is turned about it, degrees.
 const WOBBLE_DEG: f64 = 8.0;
 
@@ -53,9 +50,9 @@ const WOBBLE_DEG: f64 = 8.0;
 /// not about the probe's long axis.
 const LONG_AXIS: f64 = 0.7;
 
-/// Smallest distance between sensor and face along the axis of the turn that determines the beam's sense: in mm, and
-/// as a fraction of the total distance. It is used for faces without an arc.
-const SENSE: (f64, f64) = (5.0, 0.5);
+/// Smallest distance between sensor and face along the axis of the turn that determines the beam's sense, as a fraction
+/// of the total distance. It is used for faces without an arc.
+const SENSE: f64 = 0.5;
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
 const SQUARE_DEG: f64 = 10.0;
@@ -173,7 +170,7 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     let (lateral, lateral_scatter_deg) = by_ends.or(slide).ok_or(MountError::NoLateral)?;
     let arc = face.as_ref().filter(|face| face.arc_mm.length() >= ARC_MM);
     let by_arc = arc.map(|face| (face.arc_mm.normalize_or_zero(), degrees(face.rms_mm.max(pivot.rms_mm), face.arc_mm)));
-    let spin = steps.spin.map(|poses| spin(poses, pivot.tip_mm, by_arc)).transpose()?;
+    let spin = steps.spin.map(|poses| beam(poses, pivot.tip_mm, by_arc)).transpose()?;
     let (beam_from, (beam, beam_scatter_deg)) = match (spin, by_arc) {
         (Some(spin), _) => (BeamSource::Spin, spin),
         (None, Some(arc)) => (BeamSource::Arc, arc),
@@ -265,41 +262,28 @@ fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f
 
 /// Direction of the beam: the axis about which the probe was turned. It points along the arc or, without an arc, from
 /// the sensor to the face.
-fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
+fn beam(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step: "the turn about the probe's axis" });
     }
     let turn_deg = widest_turn(poses).to_degrees();
-    if turn_deg < SPIN_DEG {
+    if turn_deg < LEAST_TURN_DEG {
         return Err(MountError::LittleTurn { turn_deg });
     }
-    let n = poses.len() as f64;
-    let mean = poses.iter().map(rotation_matrix).sum::<Matrix3<f64>>() / n;
-    let scatter = poses.iter().fold(Matrix3::zeros(), |sum, pose| {
-        let r = rotation_matrix(pose) - mean;
-        sum + r.transpose() * r
-    });
-    let eigen = (scatter / n).symmetric_eigen();
-    let least = eigen.eigenvalues.imin();
-    let wobble_deg = eigen.eigenvalues[least].max(0.0).sqrt().to_degrees();
+    let (axis, wobble_deg) = steadiest_axis(poses);
     if wobble_deg > WOBBLE_DEG {
         return Err(MountError::Wobble { wobble_deg });
     }
-    let axis = DVec3::from_array(eigen.eigenvectors.column(least).into_owned().into());
-    let (along_mm, away_mm) = (axis.dot(centre_mm), centre_mm.length());
-    let (sense_mm, part) = SENSE;
     let sense = match arc {
         Some((arc, _)) if axis.dot(arc).abs() < LONG_AXIS => {
             let off_deg = angle_deg(axis * axis.dot(arc).signum(), arc);
             return Err(MountError::OtherAxis { off_deg });
         }
-        Some((arc, _)) => axis.dot(arc),
-        None if along_mm.abs() < sense_mm.max(part * away_mm) => {
-            return Err(MountError::Sense { along_mm: along_mm.abs(), away_mm });
-        }
-        None => along_mm,
+        Some((arc, _)) => axis.dot(arc).signum(),
+        None => spin::sense(axis, centre_mm, SENSE)
+            .ok_or_else(|| MountError::Sense { along_mm: axis.dot(centre_mm).abs(), away_mm: centre_mm.length() })?,
     };
-    Ok((axis * sense.signum(), wobble_deg))
+    Ok((axis * sense, wobble_deg))
 }
 
 /// Direction of the lateral axis from the poses of a slide with the marker's side ahead.

@@ -3,7 +3,8 @@
 use thiserror::Error;
 
 use super::super::pivot::PivotError;
-use super::{END_RMS_MM, LATERAL_DEG, SLIDE_MM, SPIN_DEG, SQUARE_DEG, WIDTH_MM, WOBBLE_DEG};
+use super::super::spin::LEAST_TURN_DEG;
+use super::{END_RMS_MM, LATERAL_DEG, SLIDE_MM, SQUARE_DEG, WIDTH_MM, WOBBLE_DEG};
 
 /// Reason why the mounting could not be calibrated.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -56,7 +57,7 @@ pub enum MountError {
         width_mm: f64,
     },
     /// Too little turn of the probe about its axis.
-    #[error("the turn about the probe's axis: {turn_deg:.0}° only; turn it by at least {SPIN_DEG}°")]
+    #[error("the turn about the probe's axis: {turn_deg:.0}° only; turn it by at least {LEAST_TURN_DEG}°")]
     LittleTurn {
         /// Largest rotation found, degrees.
         turn_deg: f64,
