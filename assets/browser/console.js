@@ -9,6 +9,7 @@ import { Dragging } from "./dragging.js";
 import { MarkList } from "./mark_list.js";
 import { Outbox } from "./marking.js";
 import { drawMarks, FONT } from "./marks.js";
+import { drawNeedle } from "./needle.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
 const byId = (id) => document.getElementById(id);
@@ -90,6 +91,10 @@ export class Console {
         if (["caliper", "annotate"].includes(id) && (this.calipers.tool || this.annotating)) stage.focus({ preventScroll: true });
       });
     }
+    byId("needle_shown").addEventListener("change", (event) => {
+      letGo(event.currentTarget);
+      this.page.redraw();
+    });
     // A switch with the focus would take the space bar, which freezes the picture.
     byId("clip_overlays").addEventListener("change", (event) => letGo(event.currentTarget));
   }
@@ -102,6 +107,7 @@ export class Console {
 
   /** Draws all marks over the picture. */
   drawOver(context, rect, frame) {
+    if (byId("needle_shown").checked) drawNeedle(context, frame, rect);
     drawMarks(context, frame, rect, this.page.greys(frame.settings));
     this.annotations.draw(context, frame, rect, FONT);
     this.calipers.draw(context, frame, rect, FONT);

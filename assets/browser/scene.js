@@ -20,7 +20,7 @@ const KEY_ZOOM = 1.2;
 export function decodeScene(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < 12 || view.getUint32(0) !== 0x494e5356) throw new Error("not a scene of insonify");
-  if (view.getUint32(4, true) !== 2) throw new Error("the page is of another version than the station: reload it");
+  if (view.getUint32(4, true) !== 3) throw new Error("the page is of another version than the station: reload it");
   const length = view.getUint32(8, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 12, length)));
   let at = 12 + length;
@@ -41,6 +41,13 @@ function columns([w, x, y, z]) {
     [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
     [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
   ];
+}
+
+/** Position and axes of a pose; null without one. */
+function placement(pose) {
+  if (!pose) return null;
+  const [x, y, z, ...quaternion] = pose;
+  return { shift: [x, y, z], columns: columns(quaternion) };
 }
 
 export class Scene3d {
@@ -98,7 +105,7 @@ export class Scene3d {
   load(scene) {
     this.scene = scene;
     this.gl.load(scene.surfaces);
-    const bodies = scene.surfaces.slice(0, -2);
+    const bodies = scene.surfaces.filter(({ tool }) => !tool);
     let [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
     for (const { positions } of bodies) {
       for (let i = 0; i < positions.length; i++) {
@@ -109,8 +116,8 @@ export class Scene3d {
     this.centre = add(low, high).map((v) => v / 2);
     this.reach = undefined;
     this.radius = Math.max(Math.hypot(...add(high, low, -1)) / 2, 1);
-    this.surfaces = scene.surfaces.map(({ colour, layer, part, tissue }, i) => ({
-      colour: colour.map((v) => v / 255), layer, part, tissue, probe: i >= bodies.length,
+    this.surfaces = scene.surfaces.map(({ colour, layer, part, tissue, tool }) => ({
+      colour: colour.map((v) => v / 255), layer, part, tissue, tool,
     }));
     this.panel.dataset.surfaces = String(bodies.length);
     this.layers.load(scene.layers, bodies);
@@ -150,9 +157,7 @@ export class Scene3d {
   }
 
   pose() {
-    if (!this.frame?.pose) return null;
-    const [x, y, z, ...quaternion] = this.frame.pose;
-    return { shift: [x, y, z], columns: columns(quaternion) };
+    return placement(this.frame?.pose);
   }
 
   /** Axes of the view: right, up and forward. They move with the probe if the view follows it. */
@@ -187,7 +192,9 @@ export class Scene3d {
       this.gl.setFan(this.scene.probe, this.frame);
       this.gl.setImage(this.frame);
     }
-    const placed = pose && { shift: pose.shift, turn: pose.columns.flat() };
+    const needle = placement(this.frame?.needle?.pose);
+    const placed = Object.fromEntries(Object.entries({ probe: pose, needle }).filter(([, at]) => at)
+      .map(([tool, { shift, columns: turn }]) => [tool, { shift, turn: turn.flat() }]));
     const looks = this.surfaces.map((surface) => ({ ...surface, opacity: this.layers.opacity(surface) }));
     this.gl.draw({ right, up, forward, target, half: [x, y, far] }, looks, placed, this.cut(pose, forward), byId("scene_image").checked);
     this.panel.dataset.drawn = String(Number(this.panel.dataset.drawn ?? 0) + 1);

@@ -196,11 +196,12 @@ export class SceneGl {
   }
 
   /**
-   * `camera`: { right, up, forward, target, half: [x, y, z] }; `looks`: [{ colour, opacity, probe }], one per surface;
-   * `pose`: { turn (columns), shift } or null; `cut`: [x, y, z, offset] or null.
+   * `camera`: { right, up, forward, target, half: [x, y, z] }; `looks`: [{ colour, opacity, tool }], one per surface;
+   * `poses`: { turn (columns), shift } by tool, without tools of unknown pose; `cut`: [x, y, z, offset] or null.
    */
-  draw(camera, looks, pose, cut, withImage) {
+  draw(camera, looks, poses, cut, withImage) {
     const { gl } = this;
+    const pose = poses.probe;
     gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
     gl.clearColor(0.031, 0.039, 0.051, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -208,11 +209,11 @@ export class SceneGl {
     gl.depthFunc(gl.LEQUAL);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    const use = ({ made, uniforms }, placed) => {
+    const use = ({ made, uniforms }, tool) => {
       gl.useProgram(made);
       const identity = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-      gl.uniformMatrix3fv(uniforms.turn, false, placed ? pose.turn : identity);
-      gl.uniform3fv(uniforms.shift, placed ? pose.shift : [0, 0, 0]);
+      gl.uniformMatrix3fv(uniforms.turn, false, tool ? poses[tool].turn : identity);
+      gl.uniform3fv(uniforms.shift, tool ? poses[tool].shift : [0, 0, 0]);
       const { right: r, up: u, forward: f } = camera;
       gl.uniformMatrix3fv(uniforms.view, false, [r[0], u[0], f[0], r[1], u[1], f[1], r[2], u[2], f[2]]);
       gl.uniform3fv(uniforms.target, camera.target);
@@ -222,19 +223,19 @@ export class SceneGl {
     const light = [0, 1, 2].map((i) => -0.8 * camera.forward[i] + 0.5 * camera.up[i] - 0.35 * camera.right[i]);
     const part = (index, opacity) => {
       const look = looks[index];
-      const uniforms = use(this.surface, look.probe);
+      const uniforms = use(this.surface, look.tool);
       gl.uniform4f(uniforms.colour, ...look.colour, opacity);
       gl.uniform3fv(uniforms.light, light.map((v) => v / Math.hypot(...light)));
-      gl.uniform4fv(uniforms.cut, cut && !look.probe ? cut : [0, 0, 0, 0]);
+      gl.uniform4fv(uniforms.cut, cut && !look.tool ? cut : [0, 0, 0, 0]);
       gl.bindVertexArray(this.parts[index].array);
       gl.drawElements(gl.TRIANGLES, this.parts[index].count, gl.UNSIGNED_INT, 0);
     };
-    const shown = looks.map((look, index) => ({ ...look, index })).filter((l) => l.opacity > 0.004 && (!l.probe || pose));
+    const shown = looks.map((look, index) => ({ ...look, index })).filter((l) => l.opacity > 0.004 && (!l.tool || poses[l.tool]));
     gl.depthMask(true);
     shown.filter((l) => l.opacity >= SOLID).forEach((l) => part(l.index, 1));
     if (pose) {
       gl.bindVertexArray(this.fanArray);
-      const uniforms = use(this.fan, true);
+      const uniforms = use(this.fan, "probe");
       gl.uniform1i(uniforms.image, 0);
       gl.uniform1f(uniforms.has_image, withImage ? 1 : 0);
       gl.activeTexture(gl.TEXTURE0);
@@ -250,7 +251,7 @@ export class SceneGl {
     if (pose) {
       gl.disable(gl.DEPTH_TEST);
       gl.bindVertexArray(this.fanArray);
-      use(this.line, true);
+      use(this.line, "probe");
       gl.drawArrays(gl.LINE_LOOP, 2 * FAN_STEPS + 2, 2 * FAN_STEPS + 2);
     }
     gl.bindVertexArray(null);

@@ -41,7 +41,7 @@ export class Status {
     this.arrivals = [];
     this.noticeTimer = 0;
     /** States of the run, the banner and the contact that were announced last. */
-    this.announced = { run: "", banner: null, contact: "contact" };
+    this.announced = { run: "", banner: null, contact: "contact", needle: null };
     this.announcer = new Announcer(byId("announcer"));
     this.context = byId("sparkline").getContext("2d");
   }
@@ -65,6 +65,7 @@ export class Status {
   unknown() {
     for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
     byId("contact").hidden = true;
+    byId("needle").hidden = true;
     this.latencies = [];
     this.arrivals = [];
     byId("dropped").textContent = "–";
@@ -82,6 +83,7 @@ export class Status {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
+    this.needle(frame.needle);
     this.contact(frame.contact, frame.misplaced);
     byId("generator_name").textContent = frame.generator;
     byId("point").hidden = !frame.point;
@@ -158,6 +160,17 @@ export class Status {
       this.announcer.say(text);
     }
     element.className = kind;
+  }
+
+  /** Shows the tracking of the needle, and the switch of its projection. Hidden if the station has none. */
+  needle(needle) {
+    byId("needle").hidden = byId("needle_switch").hidden = !needle;
+    if (!needle) return;
+    const [text, kind] = TRACKING[needle.tracking];
+    badge(byId("needle"), `NEEDLE ${text}`, kind);
+    if (needle.tracking === this.announced.needle) return;
+    if (this.announced.needle) this.announcer.say(`needle: ${text.toLowerCase()}`);
+    this.announced.needle = needle.tracking;
   }
 
   /** Shows the part of the face in contact, or that no hand can hold the probe there. Hidden if everything is coupled. */

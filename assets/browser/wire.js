@@ -1,7 +1,7 @@
 // Decoder of the station's binary messages; src/sink/browser/wire.rs has the table of their layout.
 
-const FIXED_BYTES = 176;
-const VERSION = 4;
+const FIXED_BYTES = 248;
+const VERSION = 5;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["RAW", "GENERATED", "HELD GENERATED"];
@@ -41,6 +41,7 @@ export function decode(buffer, settings) {
     misplaced: flags & 32 ? "deep" : flags & 64 ? "looks_out" : null,
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
     contact: flags & 8 ? { part: f64(160), pressMm: f64(168) } : null,
+    needle: needleOf(numbers(176, 9)),
     settings: settingsOf(settings, numbers(FIXED_BYTES, values)),
     generator,
     point,
@@ -48,6 +49,12 @@ export function decode(buffer, settings) {
     notice: text(end + generatorBytes, noticeBytes),
     data: new Uint8Array(buffer, start, width * height),
   };
+}
+
+/** Tracking, length and pose of the needle; null if the station has none. */
+function needleOf([state, lengthMm, ...pose]) {
+  if (state < 0) return null;
+  return { tracking: TRACKING[state] ?? "lost", lengthMm, pose: pose.some((v) => v !== 0) ? pose : null };
 }
 
 /** Values of settings by key; an array for a setting with several values. */

@@ -222,7 +222,7 @@ fn video(_: &Station, _: &Path) -> Result<Box<dyn LiveSink>, LiveError> {
 #[cfg(feature = "browser")]
 pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::SceneInfo {
     use crate::sink::browser::{SceneInfo, ScenePacket};
-    let surfaces = ScenePacket::new(scene, &station.probe, station.axes(scene));
+    let surfaces = ScenePacket::new(scene, &station.probe, station.settings.needle.as_ref(), station.axes(scene));
     SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces), measures: measures(station) }
 }
 

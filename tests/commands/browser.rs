@@ -59,7 +59,7 @@ fn any_port() -> Settings {
 
 fn surfaces() -> ScenePacket {
     let scene = analytic::scene(analytic::cyst(), &TissueTable::builtin().unwrap(), "liver").unwrap();
-    ScenePacket::new(&scene, &Probe::default(), Axes::Depth)
+    ScenePacket::new(&scene, &Probe::default(), None, Axes::Depth)
 }
 
 fn serve(settings: &Settings) -> (BrowserSink, mpsc::Receiver<Control>) {

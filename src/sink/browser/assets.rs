@@ -41,6 +41,7 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("/mark_list.js", "mark_list.js", SCRIPT),
     asset!("/marking.js", "marking.js", SCRIPT),
     asset!("/marks.js", "marks.js", SCRIPT),
+    asset!("/needle.js", "needle.js", SCRIPT),
     asset!("/picture.js", "picture.js", SCRIPT),
     asset!("/scene.js", "scene.js", SCRIPT),
     asset!("/scene_gl.js", "scene_gl.js", SCRIPT),

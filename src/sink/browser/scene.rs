@@ -1,16 +1,18 @@
 //! The scene's surfaces for the page's 3-D view, as one answer over HTTP at `/scene`.
 //!
-//! Little-endian: `INSV`, u32 version 2, u32 length of the JSON that follows (padded with spaces to a multiple of 4).
-//! Then follow the vertices (f32 × 3, mm) and triangles (u32 × 3) of each entry in the JSON's `surfaces`. The last
-//! two surfaces are the probe's housing and the bead on the image's left, in the probe frame. Every other surface
-//! belongs to one of the JSON's `layers`.
+//! Little-endian: `INSV`, u32 version 3, u32 length of the JSON that follows (padded with spaces to a multiple of 4).
+//! Then follow the vertices (f32 × 3, mm) and triangles (u32 × 3) of each entry in the JSON's `surfaces`. A surface
+//! with a layer belongs to the scene. The others follow a tool, in its frame: the probe's housing with the bead on the
+//! image's left, and the needle's shaft with the way that it points to.
 
 use std::sync::Arc;
 
 use serde::Serialize;
 
+use crate::anatomy::tissue::NEEDLE;
 use crate::anatomy::{Axes, Mesh, Scene, decimate};
 use crate::pose::Pose;
+use crate::settings::NeedleSettings;
 use crate::sink::colour::{self, Rgb};
 use crate::sink::layers::{Layer, Layers};
 use crate::transducer::{Probe, housing};
@@ -18,7 +20,14 @@ use crate::transducer::{Probe, housing};
 /// Largest number of triangles in a packet; larger scenes are decimated.
 pub(crate) const TRIANGLES_MAX: usize = 150_000;
 
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
+
+/// Length of the way beyond the needle's tip, and radius of its line, mm.
+const PLANNED_MM: [f64; 2] = [60.0, 0.15];
+/// Smallest radius of a shaft that is drawn, mm: a thinner one would hardly be visible.
+const SHAFT_RADIUS_MIN_MM: f64 = 0.5;
+/// Corners of the shaft's cross-section.
+const SHAFT_CORNERS: u32 = 12;
 
 /// Surfaces and probe, encoded once.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,17 +56,19 @@ struct Entry<'a> {
     name: &'a str,
     tissue: &'a str,
     colour: Rgb,
-    /// Index of the layer; null for the probe.
+    /// Index of the layer; null for tools.
     layer: Option<usize>,
-    /// Opacity relative to the layer's opacity, 0..=1; absolute for the probe, which is in no layer.
+    /// Tool in whose frame the surface is; null for surfaces of the scene.
+    tool: Option<&'static str>,
+    /// Opacity relative to the layer's opacity, 0..=1; absolute for tools, which are in no layer.
     part: f32,
     vertices: usize,
     triangles: usize,
 }
 
 impl ScenePacket {
-    /// Encodes `scene` and `probe`.
-    pub fn new(scene: &Scene, probe: &Probe, axes: Axes) -> Self {
+    /// Encodes `scene`, `probe` and the station's needle.
+    pub fn new(scene: &Scene, probe: &Probe, needle: Option<&NeedleSettings>, axes: Axes) -> Self {
         let meshes: Vec<&Mesh> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let (fewer, _) = decimate::cluster_to(&meshes, TRIANGLES_MAX);
         let housing = housing(probe, &Pose::IDENTITY);
@@ -68,12 +79,19 @@ impl ScenePacket {
             let tissue = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             let (name, colour) = (surface.name.as_str(), colour::tissue(tissue));
             let (layer, part) = (Some(member.layer), member.part);
-            surfaces.push((Entry { name, tissue, colour, layer, part, vertices: 0, triangles: 0 }, mesh));
+            surfaces.push((Entry { name, tissue, colour, layer, tool: None, part, vertices: 0, triangles: 0 }, mesh));
         }
-        let parts = [("probe", [158, 168, 184]), ("bead", [255, 158, 26])];
-        for ((name, colour), mesh) in parts.into_iter().zip(&housing) {
-            surfaces
-                .push((Entry { name, tissue: "", colour, layer: None, part: 1.0, vertices: 0, triangles: 0 }, mesh));
+        let needle = needle.map(needle_meshes);
+        let mut add = |name, tool, colour, part, mesh| {
+            let entry =
+                Entry { name, tissue: "", colour, layer: None, tool: Some(tool), part, vertices: 0, triangles: 0 };
+            surfaces.push((entry, mesh));
+        };
+        add("probe", "probe", [158, 168, 184], 1.0, &housing[0]);
+        add("bead", "probe", [255, 158, 26], 1.0, &housing[1]);
+        if let Some([shaft, planned]) = &needle {
+            add("needle", "needle", colour::tissue(NEEDLE), 1.0, shaft);
+            add("planned way", "needle", colour::tissue(NEEDLE), 0.4, planned);
         }
         let mut body = Vec::new();
         let mut entries = Vec::new();
@@ -113,6 +131,31 @@ impl ScenePacket {
     }
 }
 
+/// The needle's shaft, and the line from its tip that it points to, in the needle's frame.
+fn needle_meshes(needle: &NeedleSettings) -> [Mesh; 2] {
+    let tube = |radius_mm: f64, from_mm: f64, to_mm: f64| {
+        let ring = |z: f64, scale: f64| {
+            (0..SHAFT_CORNERS).map(move |i| {
+                let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(SHAFT_CORNERS)).sin_cos();
+                glam::DVec3::new(scale * radius_mm * cos, scale * radius_mm * sin, z).as_vec3()
+            })
+        };
+        // The last two radii narrow to the end like a bevel.
+        let shoulder_mm = to_mm - (4.0 * radius_mm).min(to_mm - from_mm);
+        let vertices_mm = ring(from_mm, 1.0).chain(ring(shoulder_mm, 1.0)).chain(ring(to_mm, 0.05)).collect();
+        let quads = (0..2).flat_map(|row| (0..SHAFT_CORNERS).map(move |i| (row * SHAFT_CORNERS, i)));
+        let triangles = quads.flat_map(|(row, i)| {
+            let next = (i + 1) % SHAFT_CORNERS;
+            let [a, b] = [row + i, row + next];
+            let [c, d] = [a + SHAFT_CORNERS, b + SHAFT_CORNERS];
+            [[a, b, d], [a, d, c]]
+        });
+        Mesh { vertices_mm, triangles: triangles.collect() }
+    };
+    let [planned_mm, line_mm] = PLANNED_MM;
+    [tube(needle.radius_mm().max(SHAFT_RADIUS_MIN_MM), -needle.length_mm, 0.0), tube(line_mm, 0.0, planned_mm)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,15 +165,16 @@ mod tests {
     fn a_packet_holds_every_surface_and_the_probe() {
         let table = TissueTable::builtin().unwrap();
         let scene = analytic::scene(analytic::cyst(), &table, "liver").unwrap();
-        let packet = ScenePacket::new(&scene, &Probe::default(), Axes::Depth);
+        let packet = ScenePacket::new(&scene, &Probe::default(), Some(&NeedleSettings::default()), Axes::Depth);
         let bytes = packet.bytes();
-        assert_eq!(&bytes[..8], b"INSV\x02\0\0\0");
+        assert_eq!(&bytes[..8], b"INSV\x03\0\0\0");
         let length = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
         let header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + length]).unwrap();
         let surfaces = header["surfaces"].as_array().unwrap();
-        assert_eq!((surfaces.len(), &surfaces[0]["tissue"]), (3, &"amniotic_fluid".into()));
+        assert_eq!((surfaces.len(), &surfaces[0]["tissue"]), (5, &"amniotic_fluid".into()));
         assert_eq!((&header["layers"][0]["name"], &surfaces[0]["layer"]), (&"amniotic_fluid".into(), &0.into()));
-        assert!(surfaces[1]["layer"].is_null());
+        assert!(surfaces[1]["layer"].is_null() && surfaces[0]["tool"].is_null());
+        assert_eq!((&surfaces[2]["tool"], &surfaces[3]["tool"]), (&"probe".into(), &"needle".into()));
         let size = |s: &serde_json::Value| 12 * (s["vertices"].as_u64().unwrap() + s["triangles"].as_u64().unwrap());
         assert_eq!(bytes.len() as u64, 12 + length as u64 + surfaces.iter().map(size).sum::<u64>());
     }

@@ -5,7 +5,7 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | u8 × 4 | `INSF` |
-//! | 4 | u16 | version of this layout, 4 |
+//! | 4 | u16 | version of this layout, 5 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
 //! | 7 | u8 | source: 0 raw, 1 generated, 2 held generated |
 //! | 8 | u64 | frame number |
@@ -19,8 +19,10 @@
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
 //! | 160 | f64 × 2 | part of the face in contact, 0..=1; its depth below the skin, mm (NaN: unknown) |
-//! | 176 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
-//! | 176 + 8n | u8 × width × height | the map, row-major |
+//! | 176 | f64 × 2 | tracking of the needle, numbered as the probe's (−1: the station has no needle); length of its shaft, mm |
+//! | 192 | f64 × 7 | `scene_from_needle`: x, y, z in mm, qw, qx, qy, qz; all 0 if it is unknown |
+//! | 248 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
+//! | 248 + 8n | u8 × width × height | the map, row-major |
 //! | | UTF-8 | a line each: name of the generator, operating point, its reason; then the notice |
 //!
 //! The maps 2 and 3 of a frame precede the frame's grey levels, and are sent only to pages that request them.
@@ -30,13 +32,13 @@ use std::time::Duration;
 
 use super::super::SinkError;
 use super::super::error::check_shape;
-use crate::presented::{FrameSource, PresentedFrame};
+use crate::presented::{FrameInfo, FrameSource, PresentedFrame};
 use crate::settings::{Setting, live_settings};
 use crate::transducer::placement::Fault;
 
 /// Number of bytes before the values of live settings.
-const FIXED_BYTES: usize = 176;
-const VERSION: u16 = 4;
+const FIXED_BYTES: usize = 248;
+const VERSION: u16 = 5;
 /// Largest number of bytes of a line or of the notice; longer texts are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
@@ -119,6 +121,7 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
     let (start, end) = times.inference.unwrap_or_default();
     let first_byte = times.first_byte.unwrap_or_default();
     let times = [first_byte, times.sampled, times.submitted, times.rendered, start, end, times.presented].map(ms);
+    let needle = needle(&frame.info);
     let values = (header_bytes() - FIXED_BYTES) / 8;
 
     out.extend_from_slice(b"INSF");
@@ -133,9 +136,19 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
     for length in texts.into_iter().chain([values as u16]) {
         out.extend_from_slice(&length.to_le_bytes());
     }
-    for value in pose.into_iter().chain(times).chain(contact).chain(frame.info.settings.values()) {
+    let fixed = pose.into_iter().chain(times).chain(contact).chain(needle);
+    for value in fixed.chain(frame.info.settings.values()) {
         out.extend_from_slice(&value.to_le_bytes());
     }
+}
+
+/// Tracking, length and pose of the needle, as the table says.
+fn needle(info: &FrameInfo) -> [f64; 9] {
+    let state = info.needle.map_or(-1.0, |needle| f64::from(needle.state as u8));
+    let length_mm = info.settings.render.needle.map_or(0.0, |needle| needle.length_mm);
+    let pose = info.needle.and_then(|estimate| estimate.needle);
+    let [x, y, z, qw, qx, qy, qz] = pose.map_or([0.0; 7], |needle| needle.scene_from_needle.components());
+    [state, length_mm, x, y, z, qw, qx, qy, qz]
 }
 
 /// A text, cut at a character boundary to at most `TEXT_BYTES_MAX` bytes.
@@ -147,9 +160,10 @@ fn text(text: Option<&str>) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::needle::{Needle, NeedleEstimate};
     use crate::pose::{Estimate, Pose, TrackingState};
-    use crate::presented::{FrameInfo, FrameTimeline, PointText};
-    use crate::settings::LiveSettings;
+    use crate::presented::{FrameTimeline, PointText};
+    use crate::settings::{LiveSettings, NeedleSettings};
     use crate::transducer::{Contact, Misplacement};
 
     fn frame() -> PresentedFrame {
@@ -194,7 +208,7 @@ mod tests {
     fn every_field_lies_where_the_table_says() {
         let mut out = Vec::new();
         encode(&frame(), Map::Image, &mut out);
-        assert_eq!(&out[..8], b"INSF\x04\x00\x01\x02");
+        assert_eq!(&out[..8], b"INSF\x05\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         let values: Vec<f64> = frame().info.settings.values().collect();
@@ -203,9 +217,27 @@ mod tests {
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
         let header = header_bytes();
         assert_eq!((f64_at(&out, 160), f64_at(&out, 168)), (0.75, 1.5));
-        assert_eq!((0..values.len()).map(|i| f64_at(&out, 176 + 8 * i)).collect::<Vec<_>>(), values);
+        assert_eq!((0..values.len()).map(|i| f64_at(&out, 248 + 8 * i)).collect::<Vec<_>>(), values);
         assert_eq!(&out[header..header + 12], &frame().image[..]);
         assert_eq!(&out[header + 12..], "MSA\n1x3 + MSA\nit fitsno generator µ".as_bytes());
+    }
+
+    #[test]
+    fn a_needle_is_in_the_header_with_its_state() {
+        let values = |needle: Option<NeedleEstimate>| {
+            let mut frame = frame();
+            frame.info.needle = needle;
+            frame.info.settings.render.needle = needle.map(|_| NeedleSettings::default());
+            let mut out = Vec::new();
+            encode(&frame, Map::Image, &mut out);
+            [176, 184, 192, 216].map(|offset| f64_at(&out, offset))
+        };
+        assert_eq!(values(None), [-1.0, 0.0, 0.0, 0.0]);
+        let pose = Pose::from_components([5.0, 6.0, 7.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        let needle = Some(Needle { scene_from_needle: pose, bevel_known: true });
+        let lost = NeedleEstimate { state: TrackingState::Lost, ..NeedleEstimate::default() };
+        assert_eq!(values(Some(NeedleEstimate { needle, state: TrackingState::Held, ..lost })), [1.0, 90.0, 5.0, 1.0]);
+        assert_eq!(values(Some(lost)), [4.0, 90.0, 0.0, 0.0]);
     }
 
     #[test]
