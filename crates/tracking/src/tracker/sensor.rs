@@ -79,7 +79,8 @@ impl fmt::Display for NeedleSensor {
 }
 
 impl NeedleSensor {
-    /// Whether this is the sensor with the number `number`, of the tool `name` if the protocol has names.
+    /// Whether the needle's sensor has the number `number`, of the tool `name` if the protocol has names.
+    #[cfg(feature = "recordings")]
     pub(crate) fn is(&self, number: u16, name: Option<&str>) -> bool {
         match self {
             Self::Number(wanted) => *wanted == number,
