@@ -2,7 +2,7 @@
 
 import { FONT, toStage } from "./view.js";
 
-/** Length of the planned way beyond the tip, mm. */
+/** Length of the planned path beyond the tip, mm. */
 const PLANNED_MM = 60;
 /** Distance from the image plane within which the tip counts as in the plane, mm. */
 const IN_PLANE_MM = 1;
@@ -30,7 +30,7 @@ export function inProbe(frame) {
   return { tip: turnedBack(turn, from), along: turnedBack(turn, direction(frame.needle.pose.slice(3))) };
 }
 
-/** Draws the projected shaft, the way that it points to, and the tip with its distance from the image plane. */
+/** Draws the projected shaft, its planned path, and the tip with its distance from the image plane. */
 export function drawNeedle(context, frame, rect) {
   const placed = inProbe(frame);
   if (!placed) return;

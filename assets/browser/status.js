@@ -65,7 +65,8 @@ export class Status {
   unknown() {
     for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
     byId("contact").hidden = true;
-    byId("needle").hidden = true;
+    byId("needle").hidden = byId("needle_switch").hidden = true;
+    this.announced.needle = null;
     this.latencies = [];
     this.arrivals = [];
     byId("dropped").textContent = "–";

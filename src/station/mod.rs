@@ -247,7 +247,8 @@ impl Station {
             tracker::Transport::Recording { .. } => self.calibration.path.is_none(),
             _ => false,
         };
-        let (sensor_from_needle, bevel_known) = match settings.calibration.needle {
+        let is_mock = matches!(self.tracker.transport, tracker::Transport::Mock(_));
+        let (sensor_from_needle, bevel_known) = match settings.calibration.needle.filter(|_| !is_mock) {
             Some(known) => {
                 let mount = known.mount().map_err(StationError::NeedleCalibration)?;
                 (mount.sensor_from_needle(), mount.bevel.is_some())

@@ -51,7 +51,7 @@ pub(super) struct PassBuffers {
     /// Focused baseband before and after `receive` adds to it.
     pub(super) focused: Vec<[f32; 2]>,
     /// Focused baseband after `needle_echo`; empty without a needle.
-    pub(super) pierced: Vec<[f32; 2]>,
+    pub(super) with_needle: Vec<[f32; 2]>,
     pub(super) received: Vec<[f32; 2]>,
     pub(super) lines: Vec<[f32; 2]>,
     pub(super) polar: Vec<u32>,
@@ -115,8 +115,8 @@ pub struct Snapshot {
     /// `lateral`: `baseband` after the lateral point-spread function.
     pub focused: Vec<DVec2>,
     /// `needle_echo`: `focused` with the echoes of the needle; the same without a needle.
-    pub pierced: Vec<DVec2>,
-    /// `receive`: `pierced` with noise, clutter and reverberation.
+    pub with_needle: Vec<DVec2>,
+    /// `receive`: `with_needle` with noise, clutter and reverberation.
     pub received: Vec<DVec2>,
     /// `detect`: `received` after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
@@ -186,7 +186,7 @@ impl Snapshot {
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
-            pierced: complex(if has_needle { &buffers.pierced } else { &buffers.focused }),
+            with_needle: complex(if has_needle { &buffers.with_needle } else { &buffers.focused }),
             received: complex(&buffers.received),
             // A device's buffer of lines is shorter if the settings don't ask for lines.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },

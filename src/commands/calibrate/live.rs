@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use insonify::pose::Pose;
 use insonify::recording::spawn;
 use insonify::station::Station;
-use insonify::tracker::{NeedleSensor, ProbeSensor, Settings, TrackerStream, pose_tap};
+use insonify::tracker::{ProbeSensor, Settings, pose_tap};
 use tokio_util::sync::CancellationToken;
 
 use super::super::{Classify, Failure, tracker_args};
@@ -68,20 +68,17 @@ pub(super) fn open(
     settings.check_probe().input()?;
     let is_named = args.sensor.is_some() || args.tool.is_some();
     if motion.of_needle {
-        let TrackerStream { sensor, needle, .. } = settings.stream(None);
-        // The needle is the only tool of its calibration.
-        settings.device.needle = None;
-        match (is_named, needle, sensor) {
-            (true, ..) => {}
-            (false, Some(NeedleSensor::Number(number)), _) => settings.device.choose(Some(number), None),
-            (false, Some(NeedleSensor::Tool(tool)), _) => settings.device.choose(None, Some(tool)),
+        let needle = settings.of_needle().filter(|_| !is_named);
+        match (is_named, needle, settings.stream(None).sensor) {
+            (false, Some(needle), _) => settings = needle,
             (false, None, Some(probe @ (ProbeSensor::Number(_) | ProbeSensor::Tool(_)))) => {
                 let path = path.display();
                 return Err(Failure::Input(anyhow!(
                     "{path}: {probe} is the probe's; name the needle's with --sensor N or --tool NAME (`insonify trackers {path}` lists what is heard)"
                 )));
             }
-            (false, None, _) => {}
+            // The needle is the only tool of its calibration.
+            _ => settings.device.needle = None,
         }
     }
     let out = calibration_file(&station, out, std::iter::empty())?;

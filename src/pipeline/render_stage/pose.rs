@@ -111,7 +111,7 @@ impl PoseSampler {
                 self.events.warn("the needle's sensor is stuck: it repeats one reading".to_owned());
             }
             (Stuck, Good | Held) => self.events.info("the needle's sensor moves again"),
-            (Stale | Lost, Good) => self.events.info("needle tracked"),
+            (Stale | Lost, Good | Held) => self.events.info("needle tracked"),
             _ => {}
         }
     }

@@ -42,9 +42,13 @@ impl RecordedExam {
             poses_in_scene(tool, &calibration)
         };
         let mut poses = in_scene(&probe, station.pose_settings()?);
-        let mut needle = match needle.is_empty() {
-            true => Vec::new(),
-            false => station.needle_settings()?.map_or_else(Vec::new, |needed| in_scene(&needle, needed.settings)),
+        // Poses of the session need no calibration of the needle.
+        let mut needle = if needle.is_empty() {
+            Vec::new()
+        } else if needle.used.is_empty() {
+            station.needle_settings()?.map_or_else(Vec::new, |needed| in_scene(&needle, needed.settings))
+        } else {
+            in_scene(&needle, station.pose_settings()?)
         };
         if poses.is_empty() {
             return Err(ReplayError::NoPose { path: path.to_owned() });

@@ -221,6 +221,7 @@ fn render_each<E: From<RenderError>>(
 ) -> Result<(), E> {
     let mut frame = Frame::default();
     let mut done = 0;
+    let count = poses.len().min(needles.len());
     for (submitted, (pose, needle)) in poses.iter().zip(needles).enumerate() {
         if submitted - done == FRAMES_IN_FLIGHT {
             renderer.receive(&mut frame)?;
@@ -231,7 +232,7 @@ fn render_each<E: From<RenderError>>(
         renderer.set_needle(*needle);
         renderer.submit(pose)?;
     }
-    while done < poses.len() {
+    while done < count {
         renderer.receive(&mut frame)?;
         each(done, &mut frame)?;
         done += 1;

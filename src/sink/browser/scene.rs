@@ -3,7 +3,7 @@
 //! Little-endian: `INSV`, u32 version 3, u32 length of the JSON that follows (padded with spaces to a multiple of 4).
 //! Then follow the vertices (f32 × 3, mm) and triangles (u32 × 3) of each entry in the JSON's `surfaces`. A surface
 //! with a layer belongs to the scene. The others follow a tool, in its frame: the probe's housing with the bead on the
-//! image's left, and the needle's shaft with the way that it points to.
+//! image's left, and the needle's shaft with its planned path.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(crate) const TRIANGLES_MAX: usize = 150_000;
 
 const VERSION: u32 = 3;
 
-/// Length of the way beyond the needle's tip, and radius of its line, mm.
+/// Length of the planned path beyond the needle's tip, and radius of its line, mm.
 const PLANNED_MM: [f64; 2] = [60.0, 0.15];
 /// Smallest radius of a shaft that is drawn, mm: a thinner one would hardly be visible.
 const SHAFT_RADIUS_MIN_MM: f64 = 0.5;
@@ -91,7 +91,7 @@ impl ScenePacket {
         add("bead", "probe", [255, 158, 26], 1.0, &housing[1]);
         if let Some([shaft, planned]) = &needle {
             add("needle", "needle", colour::tissue(NEEDLE), 1.0, shaft);
-            add("planned way", "needle", colour::tissue(NEEDLE), 0.4, planned);
+            add("planned path", "needle", colour::tissue(NEEDLE), 0.4, planned);
         }
         let mut body = Vec::new();
         let mut entries = Vec::new();
@@ -140,7 +140,7 @@ fn needle_meshes(needle: &NeedleSettings) -> [Mesh; 2] {
                 glam::DVec3::new(scale * radius_mm * cos, scale * radius_mm * sin, z).as_vec3()
             })
         };
-        // The last two radii narrow to the end like a bevel.
+        // The end narrows over four radii.
         let shoulder_mm = to_mm - (4.0 * radius_mm).min(to_mm - from_mm);
         let vertices_mm = ring(from_mm, 1.0).chain(ring(shoulder_mm, 1.0)).chain(ring(to_mm, 0.05)).collect();
         let quads = (0..2).flat_map(|row| (0..SHAFT_CORNERS).map(move |i| (row * SHAFT_CORNERS, i)));

@@ -19,7 +19,7 @@
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
 //! | 160 | f64 × 2 | part of the face in contact, 0..=1; its depth below the skin, mm (NaN: unknown) |
-//! | 176 | f64 × 2 | tracking of the needle, numbered as the probe's (−1: the station has no needle); length of its shaft, mm |
+//! | 176 | f64 × 2 | tracking of the needle, numbered as the probe's (−1: the session has no needle); length of its shaft, mm |
 //! | 192 | f64 × 7 | `scene_from_needle`: x, y, z in mm, qw, qx, qy, qz; all 0 if it is unknown |
 //! | 248 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
 //! | 248 + 8n | u8 × width × height | the map, row-major |

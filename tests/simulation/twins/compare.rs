@@ -342,7 +342,7 @@ fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn receive(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("receive", "received baseband", 0.0);
-    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.pierced), 1.0e-5);
+    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.with_needle), 1.0e-5);
     tally.finish()
 }
 
@@ -423,9 +423,9 @@ fn needle_echo(s: &Snapshot) -> Result<(), Mismatch> {
     twin::needle_echo(&s.inputs, &s.paths, &s.line_gains, &mut twin);
     // Only samples with an echo; a few echoes may round to the neighbouring sample.
     let mut tally = Tally::new("needle_echo", "samples with echoes", 0.005);
-    for ((before, device), twin) in s.focused.iter().zip(&s.pierced).zip(&twin) {
+    for ((before, device), twin) in s.focused.iter().zip(&s.with_needle).zip(&twin) {
         if before != device || before != twin {
-            // Echoes of one sample may cancel, so errors are relative to an echo of the diffuse shaft.
+            // Errors of echoes below 10⁻⁶ (−120 dB) are relative to 10⁻⁶.
             let scale = before.length() + (*twin - *before).length() + 1.0e-6;
             tally.add((*device - *twin).length() / (scale * (1.0e-3 + phase_tolerance(s))));
         }

@@ -134,8 +134,7 @@ fn order(name: &str) -> (u8, &str) {
 }
 
 /// Tissues in alphabetical order of their names, with those of adults' organs after all others, and the needle at the
-/// end. A tissue's number in
-/// segmentation maps is its index + 1; 0 is "outside".
+/// end. A tissue's number in segmentation maps is its index + 1; 0 is "outside".
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TissueTable {
     names: Vec<String>,

@@ -212,6 +212,11 @@ impl NeedleCalibration {
             }
             self.bevel = Some(across(bevel, axis));
         }
+        for (key, value) in [("needle.rms_mm", self.rms_mm), ("needle.axis_deg", self.axis_deg)] {
+            if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
+                return Err((key, format!("{value}; it must be a number from 0 on")));
+            }
+        }
         Ok(self)
     }
 }

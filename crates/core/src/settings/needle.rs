@@ -31,7 +31,7 @@ pub enum NeedleKind {
     Plain,
     /// A shaft with an etched surface, which also scatters sound to all sides.
     Etched,
-    /// A pointer without an echo. Only the 3-D view shows it.
+    /// A pointer without an echo. Displays draw it over the picture and in the 3-D view.
     Pointer,
 }
 

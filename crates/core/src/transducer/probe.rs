@@ -171,7 +171,7 @@ impl Probe {
     }
 
     /// Centre frequency of reception, MHz: twice the transmitted one for harmonics.
-    pub(crate) fn returning_mhz(&self) -> f64 {
+    pub fn returning_mhz(&self) -> f64 {
         if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
     }
 

@@ -93,7 +93,7 @@ pub(super) fn pass_buffers(
     submit(encoder_after(), &dispatches[scatters..focuses]);
     let focused = read(gpu, &buffers.focused)?;
     submit(encoder_after(), &dispatches[focuses..receives]);
-    let pierced = read(gpu, &buffers.focused)?;
+    let with_needle = read(gpu, &buffers.focused)?;
     submit(encoder_after(), &dispatches[receives..]);
     let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
     Ok(PassBuffers {
@@ -106,7 +106,7 @@ pub(super) fn pass_buffers(
         hints: read(gpu, &buffers.hints)?,
         baseband: read(gpu, &buffers.baseband)?,
         focused,
-        pierced,
+        with_needle,
         received: read(gpu, &buffers.focused)?,
         couplings: read(gpu, &buffers.couplings)?,
         lines: read(gpu, &buffers.lines)?,

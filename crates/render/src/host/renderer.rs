@@ -71,7 +71,7 @@ struct Intermediate {
     mask: Vec<[f32; 2]>,
     /// Focused baseband before the needle's echoes, and before the receiver adds to it.
     focused: Vec<[f32; 2]>,
-    pierced: Vec<[f32; 2]>,
+    with_needle: Vec<[f32; 2]>,
 }
 
 /// Stopwatch for consecutive passes.
@@ -139,7 +139,7 @@ impl HostRenderer {
                 laps.note("needle_echo");
             }
             if let Some(kept) = kept {
-                kept.pierced.clone_from(&b.focused);
+                kept.with_needle.clone_from(&b.focused);
             }
             if params.receives() {
                 let near = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
@@ -185,11 +185,12 @@ impl HostRenderer {
         if !image {
             frame.bmode.clear();
         }
+        laps.note("scan_convert");
         if let (Some(needle), true) = (&inputs.configuration.needle, maps_wanted) {
             let (width, height) = (frame.width, frame.height);
             needle::map::needle_map(self.image, &needle.outline, width, height, &mut frame.segmentation);
+            laps.note("needle_map");
         }
-        laps.note("scan_convert");
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);
     }
 
@@ -413,7 +414,7 @@ impl FrameMaker for HostRenderer {
         }
         let (mut frame, mut kept) = (Frame::default(), Intermediate::default());
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
-        let Intermediate { scattered, mask, focused, pierced } = kept;
+        let Intermediate { scattered, mask, focused, with_needle } = kept;
         let received = self.buffers.passes.focused.clone();
         let fields = &self.buffers.passes.fields;
         let by_mode = |tables| by_mode(tables, fields);
@@ -423,7 +424,7 @@ impl FrameMaker for HostRenderer {
             mask,
             scattered,
             focused,
-            pierced,
+            with_needle,
             received,
             bmode: frame.bmode,
             segmentation: frame.segmentation,

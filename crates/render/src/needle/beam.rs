@@ -57,12 +57,6 @@ impl ScanlineBeam {
         Self { depths: (0..=INTERVALS).map(at).collect(), depth_step_mm, beam }
     }
 
-    /// The integrals at the tabulated depth nearest to `depth_mm`.
-    fn nearest(&self, depth_mm: f64) -> &AtDepth {
-        let place = (depth_mm / self.depth_step_mm).round().clamp(0.0, f64::from(INTERVALS));
-        &self.depths[place as usize]
-    }
-
     /// Interpolates a value between the tabulated depths.
     fn between(&self, depth_mm: f64, value: impl Fn(&AtDepth) -> f64) -> f64 {
         let place = (depth_mm / self.depth_step_mm).clamp(0.0, f64::from(INTERVALS));
@@ -93,6 +87,7 @@ impl ScanlineBeam {
 
     /// Amplitude of a long mirror that is tilted along the face by an angle with this tangent, relative to none.
     pub(super) fn tilt(&self, depth_mm: f64, tangent: f64) -> f64 {
-        self.nearest(depth_mm).overlap.at(reflection_shift_mm(depth_mm, tangent))
+        let shift_mm = reflection_shift_mm(depth_mm, tangent);
+        self.between(depth_mm, |at| at.overlap.at(shift_mm))
     }
 }

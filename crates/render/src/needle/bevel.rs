@@ -1,12 +1,12 @@
 //! Echo of the bevel's facet: an elliptic mirror that flashes where it faces the probe.
 
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::PI;
 
 use super::scanline::Scanline;
 use super::{NeedleEcho, NeedleTables, Placed, REFLECTION};
 
-/// Smallest cosine between the facet's normal and the direction to the probe at which the facet is seen.
-const FACING_MIN: f64 = 0.05;
+/// Cosine between the facet's normal and the direction to the probe up to which the facet fades out.
+const FACING_WHOLE: f64 = 0.2;
 /// Number of positions of an integral over the facet.
 const POSITIONS: u32 = 16;
 /// Smallest amplitude of an echo that is added: −120 dB.
@@ -22,7 +22,8 @@ impl NeedleTables {
         let radius_mm = self.settings.radius_mm();
         let normal = scanline.vector(cos * bevel + sin * placed.direction);
         let centre = scanline.point_mm(placed.axis_mm - placed.direction * (radius_mm * cos / sin));
-        if -normal.z < FACING_MIN || !(1e-3..=depth_mm).contains(&centre.z) {
+        let facing = (-normal.z / FACING_WHOLE).clamp(0.0, 1.0);
+        if facing == 0.0 || !(1e-3..=depth_mm).contains(&centre.z) {
             return;
         }
         // Half extents of the ellipse along the face and across the slice, mm.
@@ -34,7 +35,9 @@ impl NeedleTables {
         }
         let covered = self.covered(centre.truncate().to_array(), [half_x, half_y], centre.z);
         let bore = self.settings.bore_mm() / (2.0 * radius_mm);
-        let plate = REFLECTION * FRAC_PI_4 * (1.0 - bore * bore) * covered;
+        // Area of the projected ellipse over the rectangle's.
+        let ellipse = 0.25 * PI * (long.x * short.y - long.y * short.x).abs() / (half_x * half_y).max(1e-9);
+        let plate = REFLECTION * facing * ellipse * (1.0 - bore * bore) * covered;
         // A mirror smaller than the beam returns a wider lobe, as a narrower beam does.
         let [sigma_x, sigma_y] = self.sigmas_mm(centre.z);
         let narrowed = |sigma: f64, half: f64| 1.0 / (1.0 + (2.0 * sigma / half.max(1e-3)).powi(2)).sqrt();

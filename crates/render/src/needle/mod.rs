@@ -21,6 +21,8 @@ mod scanline;
 mod shadow;
 mod shaft;
 mod slice;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 use insonify_core::acoustics::wavelength_mm;
@@ -44,8 +46,12 @@ const REFLECTION: f64 = 0.93;
 const DIFFUSE_PLAIN: f64 = 0.056_2;
 /// Amplitude that an etched shaft scatters to all sides, over its mirror echo: −10 dB (assumed).
 const DIFFUSE_ETCHED: f64 = 0.316;
-/// Most echoes of a frame. Scanlines beyond them show no needle.
-pub(crate) const NEEDLE_ECHOES_MAX: usize = 1 << 15;
+/// Most echoes of a frame.
+pub(crate) const NEEDLE_ECHOES_MAX: usize = 1 << 17;
+/// Largest distance of two points of the diffuse echo, mm.
+const POINTS_MM: f64 = 0.25;
+/// Distance of two points of the diffuse echo over the standard deviation of the pulse.
+const POINTS_PER_SIGMA: f64 = 2.5;
 
 /// One echo of the needle on a scanline.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -73,6 +79,8 @@ pub(crate) struct NeedleTables {
     strength_mm: f64,
     /// Amplitude of the diffuse echo over the mirror's.
     diffuse: f64,
+    /// Distance of two points of the diffuse echo along the shaft, mm.
+    points_mm: f64,
     /// Number of the needle's tissue in the segmentation; 0 if the scene's table lacks it.
     tissue: u32,
 }
@@ -80,13 +88,13 @@ pub(crate) struct NeedleTables {
 impl NeedleTables {
     /// Tables of a needle and a probe. `tissue` is the needle's number in the segmentation.
     pub(crate) fn new(settings: NeedleSettings, probe: &Probe, tissue: u32) -> Self {
-        let returning_mhz = if probe.harmonics { 2.0 * probe.frequency_mhz } else { probe.frequency_mhz };
         Self {
             settings,
             slice: Slice::new(probe),
             beam: ScanlineBeam::new(probe),
-            strength_mm: REFLECTION * (0.5 * settings.radius_mm() * wavelength_mm(returning_mhz)).sqrt(),
+            strength_mm: REFLECTION * (0.5 * settings.radius_mm() * wavelength_mm(probe.returning_mhz())).sqrt(),
             diffuse: if settings.kind == NeedleKind::Etched { DIFFUSE_ETCHED } else { DIFFUSE_PLAIN },
+            points_mm: POINTS_MM.min(POINTS_PER_SIGMA * probe.axial_sigma_mm()),
             tissue,
         }
     }
@@ -167,13 +175,13 @@ impl NeedleFrame {
             echoes.clear();
             let fraction = (line as f64 + 0.5) / scanlines as f64;
             let scanline = Scanline::at(view.probe, fraction, view.steer_rad);
-            tables.add_shaft(&placed, &scanline, view.probe.depth_mm, echoes);
+            tables.add_shaft(&placed, &scanline, view.probe, echoes);
             tables.add_bevel(&placed, &scanline, view.probe.depth_mm, echoes);
         });
         for (start, line) in self.starts.iter_mut().skip(1).zip(&self.lines) {
-            if self.echoes.len() + line.len() <= NEEDLE_ECHOES_MAX {
-                self.echoes.extend_from_slice(line);
-            }
+            // `add_shaft` leaves room for every scanline; the bound holds in any case.
+            let room = NEEDLE_ECHOES_MAX - self.echoes.len();
+            self.echoes.extend_from_slice(&line[..line.len().min(room)]);
             *start = self.echoes.len() as u32;
         }
         if let Some(aperture) = view.aperture {

@@ -44,19 +44,18 @@ impl Line {
     pub(super) fn at(&self, position_mm: f64) -> DVec3 {
         self.start_mm + self.direction * position_mm
     }
+}
 
-    /// Positions within `offset_mm` of the scanline, across it; `None` if there are none in the range `of`.
-    pub(super) fn within(&self, offset_mm: f64, [from, to]: [f64; 2]) -> Option<[f64; 2]> {
-        let slope = self.direction.x;
-        let [low, high] = if slope.abs() < 1e-9 {
-            if self.start_mm.x.abs() > offset_mm {
-                return None;
-            }
-            [from, to]
-        } else {
-            let [a, b] = [-offset_mm, offset_mm].map(|x| (x - self.start_mm.x) / slope);
-            [a.min(b).max(from), a.max(b).min(to)]
-        };
-        (low < high).then_some([low, high])
-    }
+/// Part of a range of s in which `start` + `slope`·s lies within bounds; `None` if there is none.
+pub(super) fn clipped(range: [f64; 2], start: f64, slope: f64, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
+    let [from, to] = if slope.abs() < 1e-9 {
+        if !(low..=high).contains(&start) {
+            return None;
+        }
+        range
+    } else {
+        let [a, b] = [low, high].map(|value| (value - start) / slope);
+        [a.min(b).max(range[0]), a.max(b).min(range[1])]
+    };
+    (from < to).then_some([from, to])
 }

@@ -1,6 +1,6 @@
 //! Shadow of the shaft: for each cell of the scan plane, the share of the slice's intensity that the shaft covers.
 
-use super::scanline::{Line, Scanline};
+use super::scanline::{Line, Scanline, clipped};
 use super::{NeedleTables, Placed, View};
 use crate::aperture::ApertureTables;
 
@@ -22,8 +22,8 @@ pub(crate) struct Shadow {
 }
 
 impl NeedleTables {
-    /// Adds the cells behind the shaft, each once. The shadow begins more than a depth plane behind the shaft, so that it
-    /// leaves the needle's own echo as it is.
+    /// Adds the cells behind the shaft, each once. The shadow grows over the two depth planes behind the shaft: its middle
+    /// is one and a half planes behind it, which leaves the needle's own echo as it is.
     pub(super) fn add_shadow(
         &self,
         placed: &Placed,
@@ -49,7 +49,7 @@ impl NeedleTables {
                 continue;
             }
             // One-way amplitude: sound passes the shaft on its way out and on its way back. Two planes share its
-            // logarithm, so that the shadow begins at the same distance from every point of an oblique shaft.
+            // logarithm, so that its middle has the same distance from every point of an oblique shaft.
             let passes = (1.0 - share.min(MOST)).sqrt();
             let position = (depth_mm / f64::from(aperture.plane_mm) - 0.5).max(-0.5);
             let plane = (position.floor() + 1.0) as usize;
@@ -77,22 +77,11 @@ impl NeedleTables {
         // y within a of the axis, and between both ends.
         let (radius_mm, unit) = (self.settings.radius_mm(), across / slope);
         let start = line.start_mm.truncate();
-        let mut covered = [-self.slice.reach_mm(), self.slice.reach_mm()];
-        let mut limit = |value_at_zero: f64, per_y: f64, [low, high]: [f64; 2]| {
-            if per_y.abs() < 1e-9 {
-                return (low..=high).contains(&value_at_zero);
-            }
-            let [a, b] = [low, high].map(|value| (value - value_at_zero) / per_y);
-            covered = [covered[0].max(a.min(b)), covered[1].min(a.max(b))];
-            covered[0] < covered[1]
-        };
+        let slice = [-self.slice.reach_mm(), self.slice.reach_mm()];
         // Signed distance from the axis, and position along it, are linear in y.
-        let beside = limit(-start.x * unit.y + start.y * unit.x, -unit.x, [-radius_mm, radius_mm]);
+        let near = clipped(slice, start.y * unit.x - start.x * unit.y, -unit.x, [-radius_mm, radius_mm])?;
         let along_at_zero = (-start).dot(unit);
-        let along = limit(along_at_zero, unit.y, [0.0, self.settings.length_mm * slope]);
-        if !beside || !along {
-            return None;
-        }
+        let covered = clipped(near, along_at_zero, unit.y, [0.0, self.settings.length_mm * slope])?;
         let middle_y = 0.0_f64.clamp(covered[0], covered[1]);
         let at_mm = line.at((along_at_zero + middle_y * unit.y) / slope).z;
         if !(0.0..=depth_mm).contains(&at_mm) {

@@ -6,14 +6,13 @@
 use glam::DVec3;
 use insonify_core::acoustics::ASSUMED_SPEED_M_S;
 use insonify_core::random;
+use insonify_core::transducer::Probe;
 
-use super::scanline::{Line, Scanline};
-use super::{NeedleEcho, NeedleTables, Placed};
+use super::scanline::{Line, Scanline, clipped};
+use super::{NEEDLE_ECHOES_MAX, NeedleEcho, NeedleTables, Placed};
 
-/// Smallest distance of two points of the diffuse echo, mm.
-const POINTS_MM: f64 = 0.25;
-/// Largest number of points of the diffuse echo along the shaft.
-const POINTS_MAX: f64 = 512.0;
+/// Echoes of a scanline that are not points of the diffuse echo: mirror, lumen, round trips and bevel, rounded up.
+const OTHER_ECHOES: usize = 16;
 /// Standard deviations of the beam to either side that the mirror's integral covers.
 const COVERED: f64 = 3.2;
 /// Distance of the integral's positions across the slice and along the face, mm.
@@ -41,10 +40,12 @@ struct Generator {
 
 impl NeedleTables {
     /// Adds the echoes of the shaft.
-    pub(super) fn add_shaft(&self, placed: &Placed, scanline: &Scanline, depth_mm: f64, into: &mut Vec<NeedleEcho>) {
-        let Some(generator) = self.generator(placed, scanline, depth_mm) else { return };
+    pub(super) fn add_shaft(&self, placed: &Placed, scanline: &Scanline, probe: &Probe, into: &mut Vec<NeedleEcho>) {
+        let Some(generator) = self.generator(placed, scanline, probe.depth_mm) else { return };
         self.add_mirror(&generator, into);
-        self.add_diffuse(&generator, into);
+        // All scanlines share the room for echoes.
+        let room = (NEEDLE_ECHOES_MAX / probe.scanlines.max(1) as usize).saturating_sub(OTHER_ECHOES);
+        self.add_diffuse(&generator, room.max(1) as u64, into);
     }
 
     /// The line of the shaft that faces the probe; `None` if it lies outside the image or the slice.
@@ -59,20 +60,11 @@ impl NeedleTables {
             let beside_mm = radius_mm * (1.0 + normal.dot(scanline.vector(bevel)));
             beside_mm / self.settings.bevel_deg.to_radians().tan()
         });
-        // Positions within the image's depth and within the slice.
-        let mut ends_mm = [cut_mm, self.settings.length_mm];
-        let mut limit = |start: f64, slope: f64, [low, high]: [f64; 2]| {
-            if slope.abs() < 1e-9 {
-                return (low..=high).contains(&start);
-            }
-            let [a, b] = [low, high].map(|value| (value - start) / slope);
-            ends_mm = [ends_mm[0].max(a.min(b)), ends_mm[1].min(a.max(b))];
-            ends_mm[0] < ends_mm[1]
-        };
+        // Positions within the image's depth and within the slice. A long facet may cut all of a short shaft.
         let reach_mm = self.slice.reach_mm();
-        let inside = limit(line.start_mm.z, direction.z, [1e-3, depth_mm])
-            && limit(line.start_mm.y, direction.y, [-reach_mm, reach_mm]);
-        inside.then_some(Generator { line, ends_mm })
+        let in_depth = clipped([cut_mm, self.settings.length_mm], line.start_mm.z, direction.z, [1e-3, depth_mm])?;
+        let ends_mm = clipped(in_depth, line.start_mm.y, direction.y, [-reach_mm, reach_mm])?;
+        (ends_mm[0] < ends_mm[1]).then_some(Generator { line, ends_mm })
     }
 
     /// Adds the mirror echo and its reverberation.
@@ -132,14 +124,19 @@ impl NeedleTables {
         (0..steps as u32).map(at).sum::<glam::DVec2>().length() * step
     }
 
-    /// Adds the diffuse echo: points at fixed places of the shaft, each with a phase of its own.
-    fn add_diffuse(&self, Generator { line, ends_mm }: &Generator, into: &mut Vec<NeedleEcho>) {
-        let spacing_mm = POINTS_MM.max(self.settings.length_mm / POINTS_MAX);
+    /// Adds the diffuse echo: points at fixed places of the shaft, each with a phase of its own. If there is no room for
+    /// all of them, every second, fourth or eighth point stands for the others.
+    fn add_diffuse(&self, Generator { line, ends_mm }: &Generator, room: u64, into: &mut Vec<NeedleEcho>) {
         let widest_mm = ends_mm.map(|end| self.beam.reach_mm(line.at(end).z)).into_iter().fold(0.0, f64::max);
-        let Some([from, to]) = line.within(widest_mm, *ends_mm) else { return };
-        let (first, end) = ((from / spacing_mm - 0.5).ceil().max(0.0) as u64, (to / spacing_mm - 0.5).ceil() as u64);
-        for number in first..end {
-            let point = line.at((number as f64 + 0.5) * spacing_mm);
+        let Some([from, to]) = clipped(*ends_mm, line.start_mm.x, line.direction.x, [-widest_mm, widest_mm]) else {
+            return;
+        };
+        let number_of = |position_mm: f64| (position_mm / self.points_mm - 0.5).ceil().max(0.0) as u64;
+        let (first, end) = (number_of(from), number_of(to));
+        let stride = end.saturating_sub(first).div_ceil(room).next_power_of_two();
+        let spacing_mm = self.points_mm * stride as f64;
+        for number in (first.next_multiple_of(stride)..end).step_by(stride as usize) {
+            let point = line.at((number as f64 + 0.5) * self.points_mm);
             if point.x.abs() > self.beam.reach_mm(point.z) {
                 continue;
             }

@@ -10,8 +10,9 @@ use rayon::prelude::*;
 
 /// Number of offsets from the image plane.
 const OFFSETS: usize = 192;
-/// Number of line sources on the lens.
-const SOURCES: u32 = 256;
+/// Number of line sources on the lens: bounds, and sources per wavelength between them.
+const SOURCES: [f64; 2] = [256.0, 1024.0];
+const SOURCES_PER_WAVELENGTH: f64 = 2.0;
 /// Number of intervals between the tabulated depths.
 const INTERVALS: u32 = 64;
 /// Smallest tabulated depth, wavelengths. Nearer to the lens the sums are too coarse.
@@ -21,7 +22,6 @@ const NEAREST_WAVELENGTHS: f64 = 4.0;
 #[derive(Debug, Clone)]
 pub(super) struct Slice {
     depth_step_mm: f64,
-    offset_step_mm: f64,
     depths: Vec<AtDepth>,
     /// Overlap of the lens with its mirror image, by the distance of the image: see [`Slice::tilt`].
     overlap: Overlap,
@@ -30,9 +30,12 @@ pub(super) struct Slice {
 /// The slice at one depth.
 #[derive(Debug, Clone)]
 struct AtDepth {
+    /// Distance of neighbouring offsets, mm.
+    step_mm: f64,
     /// Two-way field at each offset, 1/mm. Its integral over all offsets is 1.
     field: Vec<DVec2>,
-    /// Share of the two-way power between the image plane and each offset, on one side: 0 to 0.5.
+    /// Share of |field| between the image plane and each offset, on one side: 0 to 0.5. Without harmonics |field| is the
+    /// intensity of the transmitted beam.
     share: Vec<f64>,
     /// Standard deviation of the Gaussian that has the −6 dB width of the field, mm.
     sigma_mm: f64,
@@ -52,8 +55,9 @@ impl Overlap {
     const POSITIONS: u32 = 128;
 
     /// The overlap of two apertures of different widths, mm.
-    pub(super) fn new(probe: &Probe, widths_mm: [f64; 2]) -> Self {
-        let [a_mm, b_mm] = widths_mm;
+    pub(super) fn new(probe: &Probe, [one_mm, other_mm]: [f64; 2]) -> Self {
+        // The integral is over the narrower aperture.
+        let (a_mm, b_mm) = (one_mm.min(other_mm), one_mm.max(other_mm));
         let weight = |x_mm: f64, width_mm: f64| {
             let position = x_mm / width_mm;
             if position.abs() <= 0.5 { probe.apodization.weight(position) } else { 0.0 }
@@ -63,7 +67,7 @@ impl Overlap {
             let x_mm = |i: u32| ((f64::from(i) + 0.5) / f64::from(Self::POSITIONS) - 0.5) * a_mm;
             (0..Self::POSITIONS).map(|i| weight(x_mm(i), a_mm) * weight(x_mm(i) - shift_mm, b_mm)).sum::<f64>()
         };
-        let whole = sum(0.0);
+        let whole = sum(0.0).max(f64::MIN_POSITIVE);
         Self { step_mm, levels: (0..Self::SHIFTS).map(|i| sum(i as f64 * step_mm) / whole).collect() }
     }
 
@@ -87,24 +91,19 @@ pub(super) fn reflection_shift_mm(depth_mm: f64, tangent: f64) -> f64 {
 
 impl Slice {
     pub(super) fn new(probe: &Probe) -> Self {
-        let (height_mm, focus_mm) = (probe.elevational_height_mm, probe.elevational_focus_mm);
-        let spread = (probe.depth_mm / focus_mm - 1.0).abs().max(1.0);
-        let lobes_mm = 2.0 * probe.depth_mm * wavelength_mm(probe.frequency_mhz) / height_mm;
-        let offset_step_mm = (0.5 * height_mm * spread + lobes_mm) / (OFFSETS - 1) as f64;
         let depth_step_mm = probe.depth_mm / f64::from(INTERVALS);
         let nearest_mm = NEAREST_WAVELENGTHS * wavelength_mm(probe.frequency_mhz);
-        let depth = |i: u32| AtDepth::new(probe, (f64::from(i) * depth_step_mm).max(nearest_mm), offset_step_mm);
+        let depth = |i: u32| AtDepth::new(probe, (f64::from(i) * depth_step_mm).max(nearest_mm));
         Self {
             depth_step_mm,
-            offset_step_mm,
             depths: (0..=INTERVALS).into_par_iter().map(depth).collect(),
-            overlap: Overlap::new(probe, [height_mm; 2]),
+            overlap: Overlap::new(probe, [probe.elevational_height_mm; 2]),
         }
     }
 
     /// Largest offset of the tables, mm.
     pub(super) fn reach_mm(&self) -> f64 {
-        self.offset_step_mm * (OFFSETS - 1) as f64
+        self.depths.iter().map(AtDepth::reach_mm).fold(0.0, f64::max)
     }
 
     /// The two tabulated depths around `depth_mm`, and the fraction of the way from the first to the second.
@@ -117,24 +116,17 @@ impl Slice {
     /// Two-way field of a line at an offset from the image plane, 1/mm; 0 beyond the tables. Fields of neighbouring
     /// depths are mixed by magnitude, because their phases turn.
     pub(super) fn field(&self, depth_mm: f64, offset_mm: f64) -> DVec2 {
-        let place = offset_mm.abs() / self.offset_step_mm;
-        if place >= (OFFSETS - 1) as f64 {
-            return DVec2::ZERO;
-        }
-        let (low, part) = (place as usize, place.fract());
         let (depths, deeper) = self.around(depth_mm);
-        let [a, b] = depths.map(|at| at.field[low].lerp(at.field[low + 1], part));
+        let [a, b] = depths.map(|at| at.field_at(offset_mm));
         let nearer = if deeper < 0.5 { a } else { b };
         nearer.normalize_or_zero() * (a.length() + (b.length() - a.length()) * deeper)
     }
 
-    /// Share of the two-way power between two offsets from the image plane.
+    /// Share of |field| between two offsets from the image plane.
     pub(super) fn share(&self, depth_mm: f64, [from_mm, to_mm]: [f64; 2]) -> f64 {
         let (depths, deeper) = self.around(depth_mm);
         let up_to = |offset_mm: f64| {
-            let place = (offset_mm.abs() / self.offset_step_mm).min((OFFSETS - 1) as f64 - 1e-9);
-            let low = place as usize;
-            let [a, b] = depths.map(|at| at.share[low] + (at.share[low + 1] - at.share[low]) * place.fract());
+            let [a, b] = depths.map(|at| at.share_at(offset_mm.abs()));
             (a + (b - a) * deeper).copysign(offset_mm)
         };
         (up_to(to_mm) - up_to(from_mm)).clamp(0.0, 1.0)
@@ -153,7 +145,33 @@ impl Slice {
 }
 
 impl AtDepth {
-    fn new(probe: &Probe, depth_mm: f64, step_mm: f64) -> Self {
+    /// Largest offset, mm.
+    fn reach_mm(&self) -> f64 {
+        self.step_mm * (OFFSETS - 1) as f64
+    }
+
+    /// Field at an offset, 1/mm; 0 beyond the table.
+    fn field_at(&self, offset_mm: f64) -> DVec2 {
+        let place = offset_mm.abs() / self.step_mm;
+        let low = place as usize;
+        match self.field.get(low + 1) {
+            Some(next) => self.field[low].lerp(*next, place.fract()),
+            None => DVec2::ZERO,
+        }
+    }
+
+    /// Share between the image plane and a positive offset, mm.
+    fn share_at(&self, offset_mm: f64) -> f64 {
+        let place = (offset_mm / self.step_mm).min((OFFSETS - 1) as f64 - 1e-9);
+        let low = place as usize;
+        self.share[low] + (self.share[low + 1] - self.share[low]) * place.fract()
+    }
+
+    fn new(probe: &Probe, depth_mm: f64) -> Self {
+        let (height_mm, focus_mm) = (probe.elevational_height_mm, probe.elevational_focus_mm);
+        let spread = (depth_mm / focus_mm - 1.0).abs().max(1.0);
+        let lobes_mm = 2.0 * depth_mm * wavelength_mm(probe.frequency_mhz) / height_mm;
+        let step_mm = (0.5 * height_mm * spread + lobes_mm) / (OFFSETS - 1) as f64;
         let out = one_way(probe, probe.frequency_mhz, depth_mm, step_mm);
         let two_way: Vec<DVec2> = if probe.harmonics {
             // The second harmonic is proportional to the square of the transmitted field.
@@ -177,6 +195,7 @@ impl AtDepth {
         let last = two_way.iter().rposition(|field| power(field) >= 0.5 * greatest).unwrap_or(0);
         let scale = 1.0 / plate.length().max(f64::MIN_POSITIVE);
         Self {
+            step_mm,
             field: two_way.iter().map(|&field| scale * field).collect(),
             share,
             sigma_mm: (last as f64 + 0.5) * step_mm / (2.0 * std::f64::consts::LN_2).sqrt(),
@@ -188,9 +207,11 @@ impl AtDepth {
 fn one_way(probe: &Probe, frequency_mhz: f64, depth_mm: f64, step_mm: f64) -> Vec<DVec2> {
     let wave_number = std::f64::consts::TAU / wavelength_mm(frequency_mhz);
     let focus_mm = probe.elevational_focus_mm;
-    let sources: Vec<(f64, f64, f64)> = (0..SOURCES)
+    let per_lens = SOURCES_PER_WAVELENGTH * probe.elevational_height_mm / wavelength_mm(frequency_mhz);
+    let count = per_lens.clamp(SOURCES[0], SOURCES[1]) as u32;
+    let sources: Vec<(f64, f64, f64)> = (0..count)
         .map(|i| {
-            let position = (f64::from(i) + 0.5) / f64::from(SOURCES) - 0.5;
+            let position = (f64::from(i) + 0.5) / f64::from(count) - 0.5;
             let y_mm = position * probe.elevational_height_mm;
             // Focusing delay √(y² + F²) − F, without cancellation.
             let early_mm = y_mm * y_mm / (y_mm.hypot(focus_mm) + focus_mm);
@@ -221,7 +242,7 @@ mod tests {
             let plate: DVec2 = (0..=steps).map(|i| slice.field(depth_mm, y_mm(i))).sum();
             let echo = plate.length() * 2.0 * slice.reach_mm() / f64::from(steps);
             assert!((echo - 1.0).abs() < 0.05, "{echo} at {depth_mm} mm");
-            assert!((slice.share(depth_mm, [-slice.reach_mm(), slice.reach_mm()]) - 1.0).abs() < 1e-3);
+            assert!((slice.share(depth_mm, [-1e3, 1e3]) - 1.0).abs() < 1e-3);
         }
     }
 

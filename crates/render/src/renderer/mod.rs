@@ -357,7 +357,12 @@ impl Renderer {
 
     /// Sets the place of the needle for frames submitted from now on; `None`: they show none. Without
     /// [`RenderSettings::needle`], or with a pointer, it has no effect.
+    ///
+    /// A compounded picture starts over when the needle appears or is lost.
     pub fn set_needle(&mut self, needle: Option<Needle>) {
+        if self.active.needle.is_some() && self.needle.is_some() != needle.is_some() {
+            self.restart_compounding();
+        }
         self.needle = needle;
     }
 

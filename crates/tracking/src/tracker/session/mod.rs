@@ -16,7 +16,9 @@ use crate::tracker::passive::Passive;
 use crate::tracker::playback::Playback;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
-use crate::tracker::{DecodeError, Listener, ProbeSensor, Protocol, SensorName, TrackerError, TrackerEvent};
+use crate::tracker::{
+    DecodeError, Listener, NeedleSensor, ProbeSensor, Protocol, SensorName, TrackerError, TrackerEvent,
+};
 
 mod advice;
 mod damage_watch;
@@ -180,6 +182,9 @@ impl Session {
                 return Err(TrackerError::NoNumbers { number: *number, protocol: protocol.name() });
             }
             _ => {}
+        }
+        if let (Some(NeedleSensor::Tool(tool)), false) = (&stream.needle, protocol.has_names()) {
+            return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
         }
         // A recorded device receives no commands.
         let driver: Box<dyn Driver> = if is_recorded {
