@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 /// Rooms from the highest to the lowest. Rooms in one line do not import each other.
-const ORDER: [&[&str]; 23] = [
+const ORDER: [&[&str]; 24] = [
     &["pipeline"],
     &["chooser"],
     &["measuring"],
@@ -28,6 +28,7 @@ const ORDER: [&[&str]; 23] = [
     &["generator"],
     &["selftest", "quality"],
     &["exam"],
+    &["needle"],
     &["transducer"],
     &["phantom"],
     &["segmentation"],

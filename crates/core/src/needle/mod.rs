@@ -3,9 +3,12 @@
 //! Frame of the needle: origin at the tip, z along the shaft from the hub to the tip, x to the side that the bevel's
 //! facet faces.
 
+mod tip_watch;
+
 use glam::DVec3;
 
 use crate::pose::Pose;
+pub use tip_watch::{GAP_S, REPEAT_MM, TipEvent, TipEventKind, TipWatch};
 
 /// The needle at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
