@@ -3,11 +3,12 @@
 //! [`session`] generates freehand sessions in which a hand searches, finds, holds and leaves a scene's standard planes.
 //! [`sweep`] is the short exam in `assets/exams`. Both are recordings of raw tracker bytes, equal for equal seeds.
 //! [`score`] compares any recording with the planes: it finds which planes were shown and when ([`offset`]), and
-//! compares measurements with true values ([`measure`]).
+//! compares measurements with true values ([`measure`]). [`needle`] is about exercises with a tracked needle.
 
 mod batch;
 pub mod hand;
 pub mod measure;
+pub mod needle;
 pub mod offset;
 pub mod score;
 pub mod session;

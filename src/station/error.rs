@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::accepts::Accepts;
 use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{BvhError, SceneError, TissueError};
+use crate::exam::needle::ExerciseError;
 use crate::files::FileError;
 use crate::phantom::CacheError;
 use crate::pose::needle_mount::NeedleError;
@@ -122,6 +123,9 @@ pub enum StationError {
     /// The standard planes can't be used.
     #[error(transparent)]
     Planes(#[from] PlanesError),
+    /// The exercise names a surface that the scene lacks.
+    #[error(transparent)]
+    Exercise(#[from] ExerciseError),
     /// The tissue table can't be used.
     #[error(transparent)]
     Tissue(#[from] TissueError),

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, ORIGIN, TOKEN};
 use crate::anatomy::Tissue;
+use crate::exam::needle::Approach;
 use crate::render::Preset;
 use crate::settings::{
     BackendSettings, BrowserSettings, ChoiceSettings, ContactSettings, Effect, FAT_RANGE_MM, FilterSettings,
@@ -140,6 +141,20 @@ const DISPLAY: &[KeyDoc] = &[
     doc("display", "sinks", "", "[\"null\"]", Accepts::AnyOf(LiveSinkKind::NAMES), "where frames go"),
 ];
 
+#[rustfmt::skip]
+const EXERCISE: &[KeyDoc] = &[
+    doc("exercise", "name", "", "\"needle exercise\"", Accepts::Text("a title"), "title of the exercise on the report"),
+    doc("exercise", "target", "", "required, unless target_mm is given", Accepts::Text("the name of a surface"), "surface of the scene that the tip is to reach"),
+    doc("exercise", "target_mm", "mm", "none", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of a ball that the tip is to reach instead, in the scene [x, y, z]"),
+    doc("exercise", "radius_mm", "mm", "required with target_mm", number(0.1, 500.0), "radius of that ball"),
+    doc("exercise", "entry", "", "none: anywhere", Accepts::Text("the name of a surface"), "surface that the tip must enter first"),
+    doc("exercise", "entry_mm", "mm", "none", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of a ball in which the tip must enter the first surface instead, in the scene [x, y, z]"),
+    doc("exercise", "entry_radius_mm", "mm", "required with entry_mm", number(0.1, 500.0), "radius of that ball"),
+    doc("exercise", "forbidden", "", "[]", Accepts::Texts("the name of a surface"), "surfaces that the tip must not enter; a * at the end matches any suffix"),
+    doc("exercise", "approach", "", "\"any\"", Accepts::OneOf(Approach::NAMES), "required way of the needle relative to the image plane"),
+    doc("exercise", "time_s", "s", "60.0", number(1.0, 3600.0), "time from the entry to the target that earns all points"),
+];
+
 /// All keys, grouped by table.
 pub fn keys() -> &'static [KeyDoc] {
     static KEYS: LazyLock<Vec<KeyDoc>> = LazyLock::new(|| {
@@ -167,6 +182,7 @@ pub fn keys() -> &'static [KeyDoc] {
         add(BROWSER, &[BrowserSettings::settings()]);
         add(&[], &[WindowSettings::settings()]);
         add(&[], &[PipelineSettings::settings(), ChoiceSettings::settings()]);
+        add(EXERCISE, &[]);
         add(DISPLAY, &[]);
         all.extend(Tissue::settings().iter().map(of_tissue));
         all

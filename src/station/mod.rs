@@ -11,6 +11,7 @@ mod display;
 mod effects;
 mod error;
 mod examination;
+mod exercise;
 mod generator;
 mod keys;
 mod needle_table;
@@ -35,6 +36,7 @@ use crate::anatomy::doctor::{WrongSize, wrong_size};
 use crate::anatomy::import::{self, FindingKind};
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable};
+use crate::exam::needle::Exercise;
 use crate::files::{self, FileError, FileKind};
 use crate::generator::generator_files;
 use crate::needle::Needle;
@@ -118,6 +120,8 @@ pub struct Station {
     pub window: Option<window_sink::Settings>,
     /// Frame rate, deadline and picture choice of a live session.
     pub pipeline: PipelineSettings,
+    /// Exercise with a needle, if the station has one.
+    pub exercise: Option<Exercise>,
     /// Sinks of a live session.
     pub sinks: Vec<LiveSinkKind>,
     /// Keys in the file that have another name today. [`Station::load`] logs a hint for each.
@@ -275,8 +279,8 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// Errors of [`import::load_with_findings`]; `tissues` lacks the background tissue; or the scene's unit is
-    /// evidently wrong, because an image would show nothing. Other sizes that no body has are logged as warnings.
+    /// Errors of [`import::load_with_findings`]; `tissues` lacks the background tissue; the exercise names a surface that
+    /// the scene lacks; or the scene's unit is evidently wrong, because an image would show nothing. Other sizes that no body has are logged as warnings.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let (mut scene, findings) = import::load_with_findings(path, &self.tissues, background)?;
@@ -290,6 +294,10 @@ impl Station {
             }
         }
         self.check_size(&scene, path)?;
+        if let Some(exercise) = &self.exercise {
+            let names: Vec<&str> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+            exercise.check(&names)?;
+        }
         if !self.motion {
             scene.motion = Motion::default();
         }

@@ -69,6 +69,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let window = optional(&mut root, "window")?.map(|values| values.group());
     let pipeline = group(&mut root, "pipeline")?;
     check_hang(&pipeline, &generator)?;
+    let exercise = optional(&mut root, "exercise")?.map(|values| super::exercise::exercise(&values)).transpose()?;
     let sinks = super::display::sinks(&section(&mut root, "display")?);
     let path = dir.to_owned();
     Ok(Station {
@@ -91,6 +92,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         browser,
         window,
         pipeline,
+        exercise,
         sinks,
         renamed_keys,
         path,

@@ -17,7 +17,7 @@ mod qa;
 
 pub(crate) use gallbladder::gallbladder_stones;
 pub(crate) use lung::lung_air;
-pub(crate) use needle::vessel_needle;
+pub(crate) use needle::{needle_cyst, needle_vessel, vessel_needle};
 pub(crate) use qa::qa_phantom;
 
 use glam::Vec3;
@@ -28,13 +28,15 @@ use insonify::anatomy::analytic::{self, Part};
 pub(crate) type MakeParts = fn() -> Vec<Part>;
 
 /// Scenes of `assets/scenes`, by file name without suffix. `cargo run --example make_scenes` writes them.
-pub(crate) const SCENES: [(&str, MakeParts); 8] = [
+pub(crate) const SCENES: [(&str, MakeParts); 10] = [
     ("speckle_block", analytic::speckle_block),
     ("sphere", analytic::cyst),
     ("slabs", analytic::slabs),
     ("bone_plate", analytic::bone_plate),
     ("qa_phantom", qa_phantom),
     ("vessel_needle", vessel_needle),
+    ("needle_vessel", needle_vessel),
+    ("needle_cyst", needle_cyst),
     ("gallbladder_stones", gallbladder_stones),
     ("lung_air", lung_air),
 ];

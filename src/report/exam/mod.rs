@@ -1,6 +1,7 @@
 //! Page about a scored session: one HTML file with embedded pictures, light or dark by the reader's preference.
 
 mod charts;
+mod needle;
 mod section;
 mod tables;
 
@@ -10,6 +11,8 @@ use std::path::Path;
 use super::html::{escape, head};
 use crate::exam::score::{MisplacedTime, POINTS, Reference, Score, Track};
 use crate::sink::{SinkError, write_text};
+
+pub use needle::NeedleReport;
 
 const STYLE: &str = include_str!("style.css");
 
@@ -24,40 +27,62 @@ pub struct Heading<'a> {
     pub warnings: &'a [String],
 }
 
-/// Writes the page about `score` to `path`.
+/// A session scored against standard planes.
+#[derive(Clone, Copy)]
+pub struct PlanesReport<'a> {
+    /// The score.
+    pub score: &'a Score,
+    /// Positions of the probe.
+    pub track: &'a Track,
+    /// Planes and surfaces.
+    pub reference: &'a Reference<'a>,
+}
+
+/// Writes the page about a session to `path`: its planes, its needle, or both.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write(
     path: &Path,
     heading: Heading<'_>,
-    score: &Score,
-    track: &Track,
-    reference: &Reference<'_>,
+    planes: Option<PlanesReport<'_>>,
+    needle: Option<NeedleReport<'_>>,
 ) -> Result<(), SinkError> {
-    write_text(path, &page(heading, score, track, reference))
+    write_text(path, &page(heading, planes, needle))
 }
 
 /// Text of the page. Writing to a string cannot fail.
-fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Reference<'_>) -> String {
+fn page(heading: Heading<'_>, planes: Option<PlanesReport<'_>>, needle: Option<NeedleReport<'_>>) -> String {
     let title = escape(heading.title);
     let mut out = head(&title, STYLE) + &format!("<h1>{title}</h1>\n");
-    let _ = writeln!(
-        out,
-        "<p class=\"lead\">{} · {:.1}&nbsp;s · {:.0}&nbsp;mm of way at {:.0}&nbsp;mm/s · \
-         {:.0}&nbsp;% of the time on the skin, with {:.0}&nbsp;% of the face</p>\n<p class=\"note\">{}</p>",
-        mark(score),
-        score.duration_s,
-        score.path_mm,
-        score.mean_speed_mm_s,
-        100.0 * score.contact,
-        100.0 * score.face_contact,
-        // Options are marked as code, so that no option is broken at the end of a line.
-        escape(heading.note).replace("--planes", "<code>--planes</code>")
-    );
-    out.push_str(&faults(heading.warnings, score, track));
+    if let Some(PlanesReport { score, .. }) = planes {
+        let _ = writeln!(
+            out,
+            "<p class=\"lead\">{} · {:.1}&nbsp;s · {:.0}&nbsp;mm of way at {:.0}&nbsp;mm/s · \
+             {:.0}&nbsp;% of the time on the skin, with {:.0}&nbsp;% of the face</p>",
+            mark(score),
+            score.duration_s,
+            score.path_mm,
+            score.mean_speed_mm_s,
+            100.0 * score.contact,
+            100.0 * score.face_contact,
+        );
+    }
+    // Options are marked as code, so that no option is broken at the end of a line.
+    let note = escape(heading.note).replace("--planes", "<code>--planes</code>");
+    let _ = writeln!(out, "<p class=\"note\">{note}</p>");
+    out.push_str(&warned(heading.warnings));
+    out.push_str(&planes.as_ref().map_or_else(String::new, |planes| faults(planes.score, planes.track)));
+    out.push_str(&needle.as_ref().map_or_else(String::new, needle::section));
+    out.push_str(&planes.as_ref().map_or_else(String::new, of_planes));
+    out.push_str("</body></html>\n");
+    out
+}
+
+/// Sections about the standard planes.
+fn of_planes(PlanesReport { score, track, reference }: &PlanesReport<'_>) -> String {
     let planes = || score.planes.iter().zip(&reference.planes).zip(&track.offsets);
-    out.push_str(&tables::planes(score));
+    let mut out = tables::planes(score);
     let _ = writeln!(out, "<p class=\"note\">{POINTS} {}</p>", escape(&reference.tolerances()));
     out.push_str(&tables::calipers(&score.calipers));
     out.push_str(&tables::texts(&score.texts));
@@ -79,7 +104,6 @@ fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Referenc
         out.push_str(&tables::measures(&result.measures));
         out.push_str("</section>\n");
     }
-    out.push_str("</body></html>\n");
     out
 }
 
@@ -93,14 +117,22 @@ fn mark(score: &Score) -> String {
     }
 }
 
-/// Doubts about the score, as markup: nothing could be judged, `warnings`, impossible probe positions, and unreadable
-/// marks.
-fn faults(warnings: &[String], score: &Score, track: &Track) -> String {
+/// Warnings, as markup.
+fn warned(warnings: &[String]) -> String {
+    notes(warnings.iter().map(|warning| format!("Warning: {warning}.")))
+}
+
+/// Doubts about the score, as markup: nothing could be judged, impossible probe positions, and unreadable marks.
+fn faults(score: &Score, track: &Track) -> String {
     let not_judged = score.not_judged.iter().map(|why| format!("Not judged: {why}."));
-    let warnings = warnings.iter().map(|warning| format!("Warning: {warning}."));
     let misplaced = MisplacedTime::of(track).map(|time| format!("Misplaced: {time}."));
     let refused = score.calipers_refused.iter().map(|reason| format!("Left out at {reason}."));
-    not_judged.chain(warnings).chain(misplaced).chain(refused).fold(String::new(), |mut out, text| {
+    notes(not_judged.chain(misplaced).chain(refused))
+}
+
+/// Paragraphs with these texts.
+fn notes(texts: impl Iterator<Item = String>) -> String {
+    texts.fold(String::new(), |mut out, text| {
         let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(&text));
         out
     })
@@ -140,15 +172,16 @@ mod tests {
             texts: Vec::new(),
             calipers_refused: refused.iter().map(|&reason| reason.to_owned()).collect(),
         };
-        assert_eq!(faults(&[], &score(&[]), &track(None)), "");
+        assert_eq!(faults(&score(&[]), &track(None)), "");
         assert!(mark(&score(&[])).starts_with("<b>0</b> of 100 points"));
         let sparse = Score { points: None, not_judged: Some("only 3 poses".into()), ..score(&[]) };
         assert_eq!(mark(&sparse), "<b>not judged</b>");
-        let html = faults(&["the file is <not> whole".to_owned()], &sparse, &track(None));
+        let html = faults(&sparse, &track(None));
         assert!(html.starts_with("<p class=\"note\">Not judged: only 3 poses.</p>\n"), "{html}");
+        let html = warned(&["the file is <not> whole".to_owned()]);
         assert!(html.contains("<p class=\"note\">Warning: the file is &lt;not&gt; whole.</p>"), "{html}");
         let deep = Misplacement { fault: Fault::Deep { depth_mm: 83.0 }, likely: Some(Cause::Metres) };
-        let html = faults(&[], &score(&["2.00 s: the id <b>"]), &track(Some(deep)));
+        let html = faults(&score(&["2.00 s: the id <b>"]), &track(Some(deep)));
         assert_eq!(html.matches("<p class=\"note\">").count(), 2, "{html}");
         for part in
             ["Misplaced: for 3.0 s, from 0.0 s on", "83 mm deep", "times 1000", "Left out at 2.00 s: the id &lt;b&gt;."]

@@ -6,19 +6,19 @@ use crate::exam::score::{CaliperScore, Measure, NO_PLANE, PlaneScore, Score, Tex
 use crate::report::html::escape;
 
 /// An HTML table with the names of its columns.
-struct Table<const N: usize> {
+pub(super) struct Table<const N: usize> {
     columns: [&'static str; N],
     out: String,
 }
 
 impl<const N: usize> Table<N> {
-    fn new(columns: [&'static str; N]) -> Self {
+    pub(super) fn new(columns: [&'static str; N]) -> Self {
         let heads = columns.map(|name| format!("<th>{name}")).concat();
         Self { columns, out: format!("<table><thead><tr>{heads}</tr></thead><tbody>") }
     }
 
     /// Adds a row; its cells are markup.
-    fn row(&mut self, class: &str, cells: [String; N]) {
+    pub(super) fn row(&mut self, class: &str, cells: [String; N]) {
         let _ = write!(self.out, "<tr class=\"{class}\">");
         for (name, cell) in self.columns.iter().zip(cells) {
             let _ = write!(self.out, "<td data-name=\"{name}\">{cell}");
@@ -26,7 +26,7 @@ impl<const N: usize> Table<N> {
         self.out.push_str("</tr>");
     }
 
-    fn end(self) -> String {
+    pub(super) fn end(self) -> String {
         self.out + "</tbody></table>\n"
     }
 }

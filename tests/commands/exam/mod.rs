@@ -5,6 +5,7 @@
 
 mod documented;
 mod marks;
+mod needle;
 mod sessions;
 mod told;
 

@@ -4,12 +4,14 @@
 //! facet faces.
 
 mod estimate;
+mod tip_watch;
 
 use glam::DVec3;
 
 use crate::pose::Pose;
 
 pub use estimate::NeedleEstimate;
+pub use tip_watch::{GAP_S, REPEAT_MM, TipEvent, TipEventKind, TipWatch};
 
 /// The needle at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]

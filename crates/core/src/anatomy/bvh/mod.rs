@@ -8,6 +8,7 @@ mod balanced;
 mod motion_tables;
 mod moving;
 mod refit;
+mod segment;
 
 use std::ops::Range;
 use std::time::Duration;
@@ -23,6 +24,7 @@ use super::motion::Drift;
 use super::{Bounds, Scene};
 pub use motion_tables::{MotionTables, Moved};
 use moving::Moving;
+pub use segment::SegmentHit;
 
 /// Size of the traversal stack in the shaders; a node pushes at most one entry.
 pub const STACK_DEPTH_MAX: usize = 32;
