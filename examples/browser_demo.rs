@@ -51,7 +51,7 @@ fn main() -> anyhow::Result<()> {
         SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
         SceneSource::File(_) => Axes::Depth,
     };
-    let surfaces = ScenePacket::new(&scene, &station.probe, axes);
+    let surfaces = ScenePacket::new(&scene, &station.probe, station.settings.needle.as_ref(), axes);
     let (sender, controls) = tokio::sync::mpsc::channel(64);
     let browser = BrowserSink::new(
         &settings,

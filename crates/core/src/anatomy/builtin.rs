@@ -181,7 +181,10 @@ mod tests {
         assert_eq!(sourced_tissues().unwrap().len(), count);
         let last: Vec<String> = tissues_of(TISSUES[1]).unwrap().into_keys().collect();
         assert_eq!(last, super::super::tissue::LAST);
-        assert_eq!(TissueTable::builtin().unwrap().names()[count - last.len()..], last);
+        // The needle is the last of all.
+        let table = TissueTable::builtin().unwrap();
+        assert_eq!(table.names()[count - 1 - last.len()..count - 1], last);
+        assert_eq!(table.names()[count - 1], super::super::tissue::NEEDLE);
     }
 
     #[test]

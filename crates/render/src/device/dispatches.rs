@@ -212,20 +212,8 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             }
         }
     }
-    // Maps: the media along each map ray, their raster, and the percentile of the attenuation. Maps don't depend on
-    // paths. Each map pass is inserted after a pass that leaves most of a GPU idle.
     if contents.maps {
-        let apart = gpu.lanes_apart(params.map_rays);
-        // On a GPU, neighbouring threads write neighbouring words. In software, a thread writes many words, since each
-        // thread first has to search.
-        let depths = if in_software { 64 } else { 1 };
-        let section = [&scene.nodes, &scene.triangles, &scene.surface_tissue, &b.map_rays, &b.tissues, &b.entries,
-            &b.entry_counts, &b.map_overflows, &b.raster];
-        let raster = in_rows((params.map_rays * params.map_depths.div_ceil(depths)).div_ceil(32));
-        frame.insert(2, Section, [(params.map_rays * apart).div_ceil(32), 1, 1], &[("LANES_APART", apart.into())],
-            &section)?;
-        frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
-        frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
+        insert_maps(frame, inputs)?;
     }
     // Image: lateral point-spread function, echoes of the needle, additions of the receiver, then pulse, envelope and log compression.
     if contents.image {
@@ -255,5 +243,25 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.run(NeedleMap, last, [params.image.height.div_ceil(64), 1, 1], &[],
             &[&needle.outline, &b.segmentation])?;
     }
+    Ok(())
+}
+
+/// Inserts the passes of the maps: the media along each map ray, their raster, and the percentile of the attenuation. Maps
+/// don't depend on paths. Each pass is inserted after a pass that leaves most of a GPU idle.
+#[rustfmt::skip]
+fn insert_maps(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>) -> Result<(), BackendError> {
+    let FrameBuilder { gpu, scene, buffers: b, .. } = *frame;
+    let (in_software, params) = (frame.pipelines.in_software(gpu), &inputs.configuration.params);
+    let apart = gpu.lanes_apart(params.map_rays);
+    // On a GPU, neighbouring threads write neighbouring words. In software, a thread writes many words, since each
+    // thread first has to search.
+    let depths = if in_software { 64 } else { 1 };
+    let section = [&scene.nodes, &scene.triangles, &scene.surface_tissue, &b.map_rays, &b.tissues, &b.entries,
+        &b.entry_counts, &b.map_overflows, &b.raster];
+    let raster = in_rows((params.map_rays * params.map_depths.div_ceil(depths)).div_ceil(32));
+    frame.insert(2, Section, [(params.map_rays * apart).div_ceil(32), 1, 1], &[("LANES_APART", apart.into())],
+        &section)?;
+    frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
+    frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
     Ok(())
 }

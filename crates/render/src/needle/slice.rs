@@ -13,8 +13,8 @@ const OFFSETS: usize = 192;
 /// Number of line sources on the lens: bounds, and sources per wavelength between them.
 const SOURCES: [f64; 2] = [256.0, 1024.0];
 const SOURCES_PER_WAVELENGTH: f64 = 2.0;
-/// Number of intervals between the tabulated depths.
-const INTERVALS: u32 = 64;
+/// Number of intervals between the tabulated depths: the field of a lens ripples with the depth.
+const INTERVALS: u32 = 128;
 /// Smallest tabulated depth, wavelengths. Nearer to the lens the sums are too coarse.
 const NEAREST_WAVELENGTHS: f64 = 4.0;
 

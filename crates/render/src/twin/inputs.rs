@@ -7,7 +7,7 @@ use insonify_core::settings::{Effect, EffectSet, ImageUniforms};
 use super::aperture::Aperture;
 use super::medium::Medium;
 use super::motion::Motion;
-use super::needle::Needle;
+use super::needle_table::Needle;
 use crate::constants::{DEPTH_BLOCK, KRONECKER, MOVES, PROJECTION_MIN, PULSE_PAD, TISSUE_MASK};
 use crate::params::Params;
 use crate::tables::{Tables, unpack_place};
