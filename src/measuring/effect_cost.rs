@@ -82,6 +82,7 @@ pub fn effect_costs(
         Effect::Rays => settings.quality.rays > 1,
         Effect::Layers => settings.quality.layers > 1,
         Effect::Motion => !scene.motion.is_empty(),
+        Effect::Needle => settings.needle.is_some_and(|needle| needle.echoes()),
         _ => true,
     };
     let timed_effects: Vec<Effect> = effects.iter().copied().filter(|&e| takes_time(e) && asked(e)).collect();
@@ -130,7 +131,8 @@ mod tests {
             let mut settings = station.settings;
             settings.effects = settings.effects.with(Effect::Maps, Choice::On);
             let plan = EffectPlan::new(&scene, &station.probe, &settings);
-            for effect in Effect::ALL {
+            // Without a needle its effect is impossible.
+            for effect in Effect::ALL.into_iter().filter(|&effect| effect != Effect::Needle) {
                 let other = EffectPlan::new(&scene, &station.probe, &other_way(&settings, &plan, effect));
                 for each in Effect::ALL {
                     assert_eq!(other.has(each) != plan.has(each), each == effect, "{name}: {effect}, {each}");
