@@ -212,21 +212,14 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
             }
         }
     }
-    if contents.maps {
-        insert_maps(frame, inputs)?;
-    }
+    if contents.maps { insert_maps(frame, inputs)?; }
     // Image: lateral point-spread function, echoes of the needle, additions of the receiver, then pulse, envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", f64::from(steered))],
             &[&b.lateral_kernels, &b.baseband, &b.focused, &a.block_gains, &a.shape, &a.profiles, &a.blends,
                 &b.kernel_spans, &a.reflected])?;
-        if has_needle {
-            frame.run(NeedleEcho, last, [params.scanlines.div_ceil(16), 1, 1],
-                &[aperture, ("BETWEEN", f64::from(midway))],
-                &[&b.starts, &b.segments, &needle.starts, &needle.echoes, &a.shape, &a.line_gains, &b.focused,
-                    &b.delays])?;
-        }
+        if has_needle { add_needle_echo(frame, inputs, last, aperture)?; }
         if params.receives() {
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }
@@ -264,4 +257,19 @@ fn insert_maps(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>) -> Result<
     frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
     frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
     Ok(())
+}
+
+/// Adds the pass that adds the needle's echoes to the focused lines.
+#[rustfmt::skip]
+fn add_needle_echo(
+    frame: &mut FrameBuilder<'_>,
+    inputs: FrameInputs<'_>,
+    last: u32,
+    aperture: (&'static str, f64),
+) -> Result<(), BackendError> {
+    let (b, params) = (frame.buffers, &inputs.configuration.params);
+    let constants = [aperture, ("BETWEEN", f64::from(params.levels_per_sample == 2))];
+    frame.run(NeedleEcho, last, [params.scanlines.div_ceil(16), 1, 1], &constants,
+        &[&b.starts, &b.segments, &b.needle.starts, &b.needle.echoes, &b.aperture.shape, &b.aperture.line_gains,
+            &b.focused, &b.delays])
 }
