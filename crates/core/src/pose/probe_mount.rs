@@ -3,7 +3,7 @@
 //! - The **centre** of the face comes from a [`pivot`](super::pivot) calibration: the probe turns about it in a dimple.
 //! - The **lateral axis** comes from the two ends of the face, each rested in the same dimple: R⁻¹·(pivot − t) is the
 //!   point of the probe in the dimple. Alternatively, it comes from a straight slide with the marker's side ahead.
-//! - The **beam** axis comes from turning the upright probe about its own long axis, see [`spin`](super::spin). Without
+//! - The **beam** axis comes from turning the upright probe about its own long axis, see `spin.rs`. Without
 //!   a turn, the arc of a convex face gives the beam: the centre of the face lies ahead of the middle between its ends.
 //!
 //! The lateral axis is more certain than the beam, so the beam is made perpendicular to the lateral axis. The probe's

@@ -2,7 +2,7 @@
 //! which keeps its direction.
 //!
 //! The direction R·a of the shaft is the same in all poses, so a is the eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the
-//! smallest eigenvalue. A turn does not show the sense of the axis; [`sense`] takes it from a point at the shaft's end.
+//! smallest eigenvalue. A turn does not show the sense of the axis; `sense` takes it from a point at the shaft's end.
 
 use std::fmt;
 
