@@ -1,9 +1,8 @@
 //! Mounting of a sensor on a needle: the tip, the axis of the shaft and the side of the bevel in the sensor's frame.
 //!
 //! - The **tip** comes from a [`pivot`](mod@super::pivot) calibration: the needle is tilted about its tip in a dimple.
-//! - The **axis** comes from a [`spin`](mod@super::spin) calibration: the needle is turned about its shaft. The sensor
-//!   lies behind the
-//!   tip, so the axis points from the sensor towards the tip.
+//! - The **axis** comes from a [`spin`](mod@super::spin) calibration: the needle is turned about its shaft. The sensor lies
+//!   behind the tip, so the axis points from the sensor towards the tip.
 //! - The **bevel** comes from the first pose of the spin, if its facet faced a known direction then.
 //!
 //! Tip and axis can be found in either order. [`NeedleCalibration`] holds what is known so far, [`NeedleMount`] the whole.
