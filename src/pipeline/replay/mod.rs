@@ -20,10 +20,9 @@ use crate::anatomy::Scene;
 use crate::chooser::{StillQuality, choose_still};
 use crate::look::{Look, Shape};
 use crate::measuring::scene_name;
-use crate::needle::Needle;
 use crate::pose::{Estimator, Measurement, Pose};
 use crate::recording::{self, Event, RecordedMeasurements, RecordingSummary};
-use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, FrameQuality, RenderError, Renderer};
+use crate::render::{Backend, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::{LiveSettings, RenderSettings};
 use crate::sink::FrameRate;
 use crate::station::{NeedleTracking, Station};
@@ -194,10 +193,10 @@ impl Replay {
             let needles = self.timeline.needles.get(frames.clone()).unwrap_or_default();
             let before = |i| {
                 before(from + i);
-                self.timeline.scene_s(frames.start + i)
+                (self.timeline.scene_s(frames.start + i), needles.get(i).copied().flatten())
             };
             let (pixel_mm, angles) = (renderer.sector().pixel_mm, settings.look.independent_angles(probe));
-            render_each(&mut renderer, (poses, needles), before, |i, frame| {
+            renderer.render_each(poses, before, |i, frame| {
                 let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
                 look.apply(&settings.look, shape, &mut frame.bmode);
                 misplaced.push(frame.contact.and_then(|contact| contact.misplaced));
@@ -209,35 +208,6 @@ impl Replay {
         }
         Ok(())
     }
-}
-
-/// Renders frames of `poses` and `needles` in order, with two in flight, as [`Renderer::render_each`] does. `before` is
-/// called before each submission and returns the scene's time, s.
-fn render_each<E: From<RenderError>>(
-    renderer: &mut Renderer,
-    (poses, needles): (&[Pose], &[Option<Needle>]),
-    mut before: impl FnMut(usize) -> f64,
-    mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
-) -> Result<(), E> {
-    let mut frame = Frame::default();
-    let mut done = 0;
-    let count = poses.len().min(needles.len());
-    for (submitted, (pose, needle)) in poses.iter().zip(needles).enumerate() {
-        if submitted - done == FRAMES_IN_FLIGHT {
-            renderer.receive(&mut frame)?;
-            each(done, &mut frame)?;
-            done += 1;
-        }
-        renderer.set_time_s(before(submitted));
-        renderer.set_needle(*needle);
-        renderer.submit(pose)?;
-    }
-    while done < count {
-        renderer.receive(&mut frame)?;
-        each(done, &mut frame)?;
-        done += 1;
-    }
-    Ok(())
 }
 
 fn timeline(

@@ -80,7 +80,7 @@ pub fn image_and_measure(
     let poses: Vec<Pose> = (0..images).map(pose).collect();
     renderer.render_each(
         &poses,
-        |_| 0.0,
+        |_| (0.0, None),
         |index, frame| {
             if index == 0 {
                 first.clone_from(&frame.bmode);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
+use insonify_core::needle::Needle;
 use insonify_core::pose::Pose;
 use insonify_core::settings::{Choice, Effect};
 use insonify_core::transducer::{Contact, ScanGeometry, touch};
@@ -72,14 +73,14 @@ impl Renderer {
     }
 
     /// Renders `poses` in order, with two frames in flight. `each` receives every frame and its index. `before` is
-    /// called with the index before each submission, may wait, and returns the scene's time, s.
+    /// called with the index before each submission, and may wait. It returns the scene's time, s, and the needle.
     ///
     /// # Errors
     /// As [`Renderer::submit`] and [`Renderer::receive`], or an error of `each`.
     pub fn render_each<E: From<RenderError>>(
         &mut self,
         poses: &[Pose],
-        mut before: impl FnMut(usize) -> f64,
+        mut before: impl FnMut(usize) -> (f64, Option<Needle>),
         mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut frame = Frame::default();
@@ -90,7 +91,9 @@ impl Renderer {
                 each(done, &mut frame)?;
                 done += 1;
             }
-            self.set_time_s(before(submitted));
+            let (time_s, needle) = before(submitted);
+            self.set_time_s(time_s);
+            self.set_needle(needle);
             self.submit(pose)?;
         }
         while done < poses.len() {
