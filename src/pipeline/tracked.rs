@@ -180,12 +180,12 @@ impl Listener for TrackerListener {
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {
         self.poses.watch.record();
-        self.poses.push(&measurement(host_time_ns, record));
+        self.poses.push(&record.measurement(host_time_ns));
     }
 
     fn needle_record(&mut self, host_time_ns: u64, record: &Record) {
         self.poses.watch.needle_record();
-        self.poses.push_needle(&measurement(host_time_ns, record));
+        self.poses.push_needle(&record.measurement(host_time_ns));
     }
 
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
@@ -212,10 +212,4 @@ impl Listener for TrackerListener {
             recorder.event(event);
         }
     }
-}
-
-/// Measurement of a record whose first byte arrived at `host_time_ns`.
-fn measurement(host_time_ns: u64, record: &Record) -> Measurement {
-    let Record { sequence, device_time_us, reading, .. } = *record;
-    Measurement { host_time_ns, device_time_us, sequence, reading }
 }

@@ -146,7 +146,7 @@ impl<R: Read> DecodedRecording<R> {
             Verdict::Probe => {}
             Verdict::Needle => {
                 self.summary.needle_records += 1;
-                let measurement = measurement(host_time_ns, &self.axis_map.apply(record));
+                let measurement = self.axis_map.apply(record).measurement(host_time_ns);
                 self.items.push_back(Item::NeedleMeasurement(measurement));
                 return;
             }
@@ -163,12 +163,6 @@ impl<R: Read> DecodedRecording<R> {
         if !matches!(record.reading, Reading::Pose(_)) {
             self.summary.without_pose += 1;
         }
-        self.items.push_back(Item::Measurement(measurement(host_time_ns, &record)));
+        self.items.push_back(Item::Measurement(record.measurement(host_time_ns)));
     }
-}
-
-/// Measurement of a record whose first byte arrived at `host_time_ns`.
-fn measurement(host_time_ns: u64, record: &Record) -> Measurement {
-    let Record { device_time_us, sequence, reading, .. } = *record;
-    Measurement { host_time_ns, device_time_us, sequence, reading }
 }

@@ -18,7 +18,7 @@ use std::str::FromStr;
 use thiserror::Error;
 
 use driver::Driver;
-use insonify_core::pose::{Pose, Reading};
+use insonify_core::pose::{Measurement, Pose, Reading};
 use ndi::NdiDriver;
 use polhemus::PolhemusDriver;
 
@@ -106,6 +106,12 @@ impl Record {
     /// A pose from a device with one sensor, a counter and a clock.
     pub fn pose(sequence: u32, device_time_us: u64, pose: Pose) -> Self {
         Self { sequence: Some(sequence), device_time_us: Some(device_time_us), ..Self::new(0, Reading::Pose(pose)) }
+    }
+
+    /// The measurement of this record, whose first byte arrived at `host_time_ns`.
+    pub fn measurement(&self, host_time_ns: u64) -> Measurement {
+        let Self { sequence, device_time_us, reading, .. } = *self;
+        Measurement { host_time_ns, device_time_us, sequence, reading }
     }
 }
 

@@ -116,13 +116,7 @@ fn states(calls: &Calls, times_s: &[f64]) -> Vec<(TrackingState, TrackingState)>
     let [mut probe, mut needle] = [(); 2].map(|()| Estimator::new(insonify_core::pose::Settings::default()));
     let start_ns = calls.records[0].0.min(calls.needle[0].0);
     let measurements = |records: &[(u64, Record)]| -> Vec<Measurement> {
-        let of = |(host_time_ns, record): &(u64, Record)| Measurement {
-            host_time_ns: *host_time_ns,
-            device_time_us: record.device_time_us,
-            sequence: record.sequence,
-            reading: record.reading,
-        };
-        records.iter().map(of).collect()
+        records.iter().map(|(host_time_ns, record)| record.measurement(*host_time_ns)).collect()
     };
     let all = [measurements(&calls.records), measurements(&calls.needle)];
     let mut next = [0; 2];
