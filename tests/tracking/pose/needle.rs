@@ -79,6 +79,7 @@ fn a_needle_is_calibrated_in_either_order_and_shares_the_file() {
 
     let found = files.each_ref().map(|file| needle(file));
     assert_eq!(found[0], found[1]);
+    assert_eq!(std::fs::read_to_string(a).unwrap(), std::fs::read_to_string(b).unwrap());
     let axis = sensor_from_needle().transform_vector(DVec3::Z);
     assert!(found[0].tip_mm.distance(sensor_from_needle().position_mm) < 0.01, "{found:?}");
     assert!(found[0].axis.distance(axis) < 1e-4 && found[0].bevel.is_none(), "{found:?}");

@@ -219,7 +219,7 @@ impl Calibration {
             scene_from_tracker: self.scene_from_tracker.map(Transform::of),
             sensor_from_probe: self.sensor_from_probe.map(Transform::of),
             stylus: self.stylus_tip_mm.map(|tip| Stylus { tip_mm: tip.value.to_array(), rms_mm: tip.rms_mm }),
-            needle: self.needle,
+            needle: self.needle.map(NeedleCalibration::rounded),
         };
         let head = "# Lengths in mm, quaternions [qw, qx, qy, qz]; written by `insonify calibrate`.\n";
         // Serialisation of numbers and tables with fixed names cannot fail.

@@ -39,6 +39,12 @@ const BEVEL_DEG: f64 = 30.0;
 /// Largest accepted deviation of a unit vector's length from 1.
 const LENGTH_TOLERANCE: f64 = 0.01;
 
+/// Decimals of directions in the file. They keep an axis to a billionth of a degree, and hide the last digits, which
+/// depend on the order of the computations.
+const DIRECTION_DECIMALS: i32 = 11;
+/// Difference from the length 1 that comes from rounding.
+const ROUNDING: f64 = 1e-10;
+
 /// Largest change of the axis, degrees, after which an earlier bevel still holds. A larger one shows that the sensor was
 /// mounted anew.
 const SAME_MOUNT_DEG: f64 = 5.0;
@@ -194,7 +200,16 @@ impl NeedleCalibration {
         }
     }
 
-    /// The same values with unit vectors of exact length, and the bevel across the axis. On failure the key and its fault.
+    /// The same values with directions as they are written to a file.
+    pub(super) fn rounded(self) -> Self {
+        let scale = 10f64.powi(DIRECTION_DECIMALS);
+        // Adding zero turns -0 into 0.
+        let rounded = |v: DVec3| (v * scale).round() / scale + DVec3::ZERO;
+        Self { axis: self.axis.map(rounded), bevel: self.bevel.map(rounded), ..self }
+    }
+
+    /// The same values with directions of length 1, and the bevel across the axis. Directions that a file has rounded
+    /// stay as they are, so that a file that is read and written again is the same. On failure the key and its fault.
     pub(super) fn checked(mut self) -> Result<Self, (&'static str, String)> {
         if let Some(tip) = self.tip_mm
             && !(tip.is_finite() && tip.abs().max_element() <= POSITION_LIMIT_MM)
@@ -210,7 +225,8 @@ impl NeedleCalibration {
                     format!("at an angle of {angle_deg:.0}° to `needle.axis`; the bevel faces across it, at 90°");
                 return Err(("needle.bevel", fault));
             }
-            self.bevel = Some(across(bevel, axis));
+            // A bevel that a file has rounded is across already.
+            self.bevel = Some(if bevel.dot(axis).abs() <= ROUNDING { bevel } else { across(bevel, axis) });
         }
         for (key, value) in [("needle.rms_mm", self.rms_mm), ("needle.axis_deg", self.axis_deg)] {
             if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
@@ -247,8 +263,9 @@ fn across(direction: DVec3, axis: DVec3) -> DVec3 {
 /// `v` with length 1, or its fault in words.
 fn unit(v: DVec3) -> Result<DVec3, String> {
     let length = v.length();
-    if (length - 1.0).abs() <= LENGTH_TOLERANCE {
-        return Ok(v / length);
+    let off = (length - 1.0).abs();
+    if off <= LENGTH_TOLERANCE {
+        return Ok(if off <= ROUNDING { v } else { v / length });
     }
     Err(format!(
         "{:?}, of length {length:.3}; it must be a direction of length 1 within {LENGTH_TOLERANCE}",
