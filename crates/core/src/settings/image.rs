@@ -6,7 +6,7 @@ use super::live_control::slider;
 use super::settings;
 
 /// Number of TGC sliders.
-pub(crate) const TGC_SLIDERS: usize = 8;
+pub const TGC_SLIDERS: usize = 8;
 
 settings! {
     /// The `[image]` of a station.

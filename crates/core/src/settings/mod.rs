@@ -49,7 +49,7 @@ pub use group::SettingsGroup;
 pub use group::{check_own, settings};
 pub use hot_keys::QUALITY_POINTS;
 pub use hot_keys::{Action, Display, HotKey, QualityPointKey, hot_key, hot_keys};
-pub(crate) use image::TGC_SLIDERS;
+pub use image::TGC_SLIDERS;
 pub use image::{ImageSettings, ImageUniforms};
 pub use live::LiveSettings;
 pub use live::live_settings;

@@ -1,12 +1,14 @@
 //! Gain and TGC of a view, from the attenuation along it, as a scanner's automatic gain sets them.
 //!
-//! The tissues along each scanline give the loss to each depth. TGC is the slope of the mean loss, and the gain makes up
-//! for the rest.
+//! The tissues along each scanline give the loss to each depth. The mean over the half of the scanlines that lose least
+//! counts. TGC is its slope, and the gain makes up for the loss at the face. The TGC sliders follow the loss where it
+//! leaves this line, as behind a full bladder.
 
 use glam::DVec3;
 use insonify_core::acoustics::attenuation::attenuation_db_mm;
 use insonify_core::anatomy::{Mesh, Tissue, ray};
 use insonify_core::pose::Pose;
+use insonify_core::settings::TGC_SLIDERS;
 use insonify_core::statistics;
 
 use super::probe_choice::ProbeChoice;
@@ -27,6 +29,8 @@ const GAIN_DB: f64 = 8.0;
 /// Range of the gain, dB, and of TGC, dB/cm.
 const GAINS_DB: [f64; 2] = [-10.0, 40.0];
 const TGC_DB_PER_CM: [f64; 2] = [0.5, 20.0];
+/// Largest change by a TGC slider, dB.
+const SLIDER_DB: f64 = 12.0;
 
 /// Gain of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +39,8 @@ pub struct Gain {
     pub gain_db: f64,
     /// Time gain compensation, dB/cm.
     pub tgc_db_per_cm: f64,
+    /// Gain added at eight depths, evenly spaced from the face to the full depth, dB.
+    pub tgc_sliders_db: [f64; TGC_SLIDERS],
 }
 
 /// A surface along the view: mesh, priority, and tissue inside.
@@ -50,25 +56,30 @@ impl Gain {
         let lines: Vec<(DVec3, DVec3)> = ends.collect();
         let crossings = crossings(layers, &lines, pose.transform_vector(DVec3::Y), probe.depth_mm);
         let steps = (probe.depth_mm / STEP_MM) as usize;
-        let (mut sums, mut counts) = (vec![0.0; steps], vec![0usize; steps]);
-        for line in &crossings {
-            for (n, loss_db) in losses_db(layers, line, probe, steps).into_iter().enumerate() {
-                sums[n] += loss_db;
-                counts[n] += 1;
-            }
-        }
-        let points = (0..steps).map(|n| ((n + 1) as f64 * STEP_MM, n));
-        let points: Vec<(f64, f64)> = points
-            .filter(|&(depth_mm, n)| depth_mm > FROM_MM && counts[n] >= FEWEST)
-            .map(|(depth_mm, n)| (0.1 * depth_mm, sums[n] / counts[n] as f64))
-            .collect();
+        let lines: Vec<Vec<f64>> = crossings.iter().map(|line| losses_db(layers, line, probe, steps)).collect();
+        let point = |step: usize| {
+            let depth_mm = (step + 1) as f64 * STEP_MM;
+            let losses_db: Vec<f64> = lines.iter().filter_map(|line| line.get(step).copied()).collect();
+            (depth_mm > FROM_MM && losses_db.len() >= FEWEST).then(|| Some((0.1 * depth_mm, usual(losses_db)?)))?
+        };
+        let points: Vec<(f64, f64)> = (0..steps).filter_map(point).collect();
         let (start_db, slope) = line_through(&points).unwrap_or_else(|| (0.0, usual_db_per_cm(probe)));
         let tgc_db_per_cm = (10.0 * slope).round() / 10.0;
+        let off_line: Vec<(f64, f64)> = points.iter().map(|&(cm, db)| (cm, db - start_db - slope * cm)).collect();
         Self {
             gain_db: (GAIN_DB + start_db).round().clamp(GAINS_DB[0], GAINS_DB[1]),
             tgc_db_per_cm: tgc_db_per_cm.clamp(TGC_DB_PER_CM[0], TGC_DB_PER_CM[1]),
+            tgc_sliders_db: sliders(&off_line, 0.1 * probe.depth_mm),
         }
     }
+}
+
+/// The loss at a depth that gain and TGC make up for: the mean over the half of the scanlines that lose least. What lies
+/// behind a full bladder then is no brighter than tissue, and what lies beside it is darker.
+fn usual(mut losses_db: Vec<f64>) -> Option<f64> {
+    losses_db.sort_by(f64::total_cmp);
+    losses_db.truncate(losses_db.len().div_ceil(2));
+    statistics::mean(losses_db)
 }
 
 /// Two-way loss of soft tissue and muscle, dB/cm, for views in which nothing passes.
@@ -81,6 +92,25 @@ fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let (slope, _) = statistics::slope(points);
     let start = statistics::mean(points.iter().map(|(x, y)| y - slope * x))?;
     slope.is_finite().then_some((start, slope))
+}
+
+/// TGC sliders, dB, for `points` of depth in cm and loss beyond the line of gain and slope in dB. A slider takes the
+/// weighted mean within the distance of its neighbours. Beyond the points it is set as the nearest one that has points.
+fn sliders(points: &[(f64, f64)], depth_cm: f64) -> [f64; TGC_SLIDERS] {
+    let apart_cm = depth_cm / (TGC_SLIDERS - 1) as f64;
+    let mean_at = |slider: usize| {
+        let at_cm = slider as f64 * apart_cm;
+        let weighted = points.iter().map(|&(cm, db)| ((1.0 - (cm - at_cm).abs() / apart_cm).max(0.0), db));
+        let (weight, sum) = weighted.fold((0.0, 0.0), |(weight, sum), (w, db)| (weight + w, sum + w * db));
+        (weight > 0.0).then(|| (sum / weight).round().clamp(-SLIDER_DB, SLIDER_DB))
+    };
+    let means: [Option<f64>; TGC_SLIDERS] = std::array::from_fn(mean_at);
+    let first = means.iter().flatten().next().copied();
+    let mut last = first.unwrap_or(0.0);
+    means.map(|mean| {
+        last = mean.unwrap_or(last);
+        last
+    })
 }
 
 /// Crossings of each line with the layers, ascending: depth in mm, index of the layer, and whether the line enters it. The
@@ -192,6 +222,34 @@ mod tests {
         assert!(behind.gain_db >= liver.gain_db + 3.0, "{behind:?}");
         let bladder = gain(&[("liver", -1.0, 200.0), ("urine", 30.0, 90.0)], ProbeKind::Convex).0;
         assert!(bladder.tgc_db_per_cm < 0.7 * liver.tgc_db_per_cm, "{bladder:?}");
+    }
+
+    #[test]
+    fn sliders_bring_tissue_behind_a_bladder_to_the_level_before_it() {
+        let (found, probe) = gain(&[("liver", -1.0, 200.0), ("urine", 30.0, 90.0)], ProbeKind::Convex);
+        let cm = |depth_mm: f64| 0.1 * depth_mm;
+        // Loss of the liver, two ways; urine has nearly none.
+        let loss_db =
+            |depth_mm: f64| 2.0 * 0.55 * probe.frequency_mhz * cm(depth_mm - (depth_mm - 30.0).clamp(0.0, 60.0));
+        let set_db = |depth_mm: f64| {
+            let position = 7.0 * depth_mm / probe.depth_mm;
+            let [low, high] =
+                [position.floor(), position.floor() + 1.0].map(|at| found.tgc_sliders_db[(at as usize).min(7)]);
+            found.gain_db - GAIN_DB + found.tgc_db_per_cm * cm(depth_mm) + low + (high - low) * position.fract()
+        };
+        for depth_mm in [15.0, 25.0, 100.0, 115.0] {
+            let off_db = set_db(depth_mm) - loss_db(depth_mm);
+            assert!(off_db.abs() < 4.0, "{depth_mm} mm: {off_db:.1} dB, {found:?}");
+        }
+        let spread_db = |of: fn(f64, f64) -> f64| found.tgc_sliders_db.into_iter().reduce(of).unwrap();
+        assert!(spread_db(f64::max) - spread_db(f64::min) >= 5.0, "{found:?}");
+    }
+
+    #[test]
+    fn one_tissue_moves_no_slider_and_depths_without_loss_take_the_nearest() {
+        assert_eq!(gain(&[("liver", -1.0, 200.0)], ProbeKind::Linear).0.tgc_sliders_db, [0.0; TGC_SLIDERS]);
+        assert_eq!(sliders(&[], 10.0), [0.0; TGC_SLIDERS]);
+        assert_eq!(sliders(&[(3.0, 2.0), (4.0, -40.0)], 7.0), [2.0, 2.0, 2.0, 2.0, -12.0, -12.0, -12.0, -12.0]);
     }
 
     #[test]
