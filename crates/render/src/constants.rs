@@ -34,6 +34,13 @@ pub(crate) const LATERAL_HALF_MAX: u32 = BEAM_TAPS_MAX / 2;
 /// Half width of the widest axial kernel, samples.
 pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 
+/// Number of the strongest samples of a scanline whose echoes the face reflects.
+pub(crate) const MULTIPLE_SAMPLES: u32 = 32;
+/// First sample of a scanline whose echo the face reflects. So many samples of multiples are computed together.
+pub(crate) const MULTIPLE_FIRST: u32 = 64;
+/// Largest sum of the amplitudes that travel again. Multiples then decay in every scene.
+pub(crate) const MULTIPLE_GAIN_MAX: f64 = 0.9;
+
 /// Hits of a ray within this distance count as coincident, mm: touching surfaces, or one edge hit twice.
 pub(crate) const TOUCH_MM: f64 = 1.0e-3;
 /// Most crossings of surfaces: coincident crossings, along a path up to its first reflection, backwards from the face,

@@ -138,6 +138,10 @@ pub(crate) struct Params {
     pub(crate) reflecting_paths: u32,
     /// Grey levels that `detect` makes of each sample: 1, or 2 if one lies midway to the next sample.
     pub(crate) levels_per_sample: u32,
+    /// Amplitude that the face reflects, 0..=1; 0 without multiples.
+    pub(crate) face_reflection: f32,
+    /// Padding to a multiple of 16 bytes.
+    pub(crate) unused: [u32; 3],
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of the section `[image]`.
     pub(crate) image: ImageUniforms,
@@ -220,6 +224,8 @@ impl Params {
             line_turns: line_turns(probe),
             reflecting_paths: settings.reflecting_paths(),
             levels_per_sample: if tables.kernels.delays.is_empty() { 1 } else { 2 },
+            face_reflection: level(Effect::Multiples, receiver.face_reflection_db),
+            unused: [0; 3],
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],

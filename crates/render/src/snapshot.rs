@@ -52,6 +52,8 @@ pub(super) struct PassBuffers {
     pub(super) focused: Vec<[f32; 2]>,
     /// Focused baseband after `needle_echo`; empty without a needle.
     pub(super) with_needle: Vec<[f32; 2]>,
+    /// Focused baseband after `multiples`; the same as before without the effect.
+    pub(super) with_multiples: Vec<[f32; 2]>,
     pub(super) received: Vec<[f32; 2]>,
     pub(super) lines: Vec<[f32; 2]>,
     pub(super) polar: Vec<u32>,
@@ -116,7 +118,9 @@ pub struct Snapshot {
     pub focused: Vec<DVec2>,
     /// `needle_echo`: `focused` with the echoes of the needle; the same without a needle.
     pub with_needle: Vec<DVec2>,
-    /// `receive`: `with_needle` with noise, clutter and reverberation.
+    /// `multiples`: `with_needle` with echoes that the face reflects; the same without the effect.
+    pub with_multiples: Vec<DVec2>,
+    /// `receive`: `with_multiples` with noise, clutter and reverberation.
     pub received: Vec<DVec2>,
     /// `detect`: `received` after the pulse; empty unless the settings ask for lines.
     pub lines: Vec<DVec2>,
@@ -187,6 +191,7 @@ impl Snapshot {
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
             with_needle: complex(if has_needle { &buffers.with_needle } else { &buffers.focused }),
+            with_multiples: complex(&buffers.with_multiples),
             received: complex(&buffers.received),
             // A device's buffer of lines is shorter if the settings don't ask for lines.
             lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },

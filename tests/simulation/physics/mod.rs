@@ -12,6 +12,7 @@ mod interfaces;
 mod look;
 mod maps;
 mod mistakes;
+mod multiples;
 mod points;
 mod qa;
 mod reflections;

@@ -31,6 +31,9 @@ pub(crate) const PASSES: [&str; 18] = [
     "scan_convert",
 ];
 
+/// Pass of frames with multiples, in addition to [`PASSES`].
+pub(crate) const MULTIPLES: &str = "multiples";
+
 /// Passes of frames with a needle, in addition to [`PASSES`].
 pub(crate) const NEEDLE_PASSES: [&str; 3] = ["needle_shadow", "needle_echo", "needle_map"];
 
@@ -113,6 +116,7 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
         "needle_shadow" => needle_shadow(s),
         "needle_echo" => needle_echo(s),
         "needle_map" => needle_map(s),
+        MULTIPLES => multiples(s),
         _ => panic!("no pass is called {pass}"),
     }
 }
@@ -340,9 +344,17 @@ fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
     tally.finish()
 }
 
+fn multiples(s: &Snapshot) -> Result<(), Mismatch> {
+    let mut tally = Tally::new(MULTIPLES, "baseband", 0.0);
+    let mut twin = s.with_needle.clone();
+    twin::multiples(&s.inputs, &mut twin);
+    add_rows(&mut tally, s, &s.with_multiples, &twin, 1.0e-4);
+    tally.finish()
+}
+
 fn receive(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("receive", "received baseband", 0.0);
-    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.with_needle), 1.0e-5);
+    add_rows(&mut tally, s, &s.received, &twin::receive(&s.inputs, &s.paths, &s.with_multiples), 1.0e-5);
     tally.finish()
 }
 

@@ -8,8 +8,9 @@ use insonify::render::{
 
 use crate::twins::across::assert_alike;
 use crate::twins::moving::beating;
+use crate::twins::multiples::reflecting;
 use crate::twins::reconfigure::untimed;
-use crate::twins::scenes::{Case, cases, nested};
+use crate::twins::scenes::{Case, cases, lifted, nested};
 
 /// Jobs near the pose of a case. Three in succession have the same scene time.
 fn jobs(case: &Case, count: u32) -> Vec<Job> {
@@ -68,6 +69,7 @@ fn frames_of_one_dispatch_are_those_made_alone() {
     let mut without_maps = nested();
     (without_maps.settings.maps, without_maps.settings.lines) = (false, true);
     all.push(without_maps);
+    all.push(reflecting(lifted()));
     for case in all {
         let jobs = jobs(&case, 8);
         let alone = rendered(&case, 1, false, &jobs);

@@ -11,6 +11,7 @@ mod host;
 mod image_on_host;
 mod many;
 mod moving;
+mod multiples;
 mod needle;
 mod reconfigure;
 mod scenes;

@@ -158,7 +158,7 @@ pub(crate) fn lifted() -> Case {
     ];
     let base = settings((2, 2), 200);
     let image = ImageSettings { gain_db: 40.0, ..base.image };
-    let receiver = ReceiverSettings { noise_db: -110.0, clutter_db: -50.0, reverberation_db: -40.0 };
+    let receiver = ReceiverSettings { noise_db: -110.0, clutter_db: -50.0, reverberation_db: -40.0, ..base.receiver };
     Case {
         name: "lifted, convex, 2 × 2",
         scene: scene(body, "gel"),

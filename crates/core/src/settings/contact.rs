@@ -1,4 +1,4 @@
-//! Contact of the probe's face with the skin, and the receiver's noise, clutter and reverberation.
+//! Contact of the probe's face with the skin, and the receiver's noise, clutter, multiples and reverberation.
 
 use serde::Serialize;
 
@@ -28,5 +28,8 @@ settings! {
 
         /// Level of the probe's own reverberation at the face, where the body is not coupled; it falls by 35 dB per cm.
         reverberation_db: f64 = -30.0, "dB", -400.0..=0.0, Nothing;
+
+        /// Reflection of returning echoes at the probe's face. It sets the level of the effect `multiples`.
+        face_reflection_db: f64 = -14.0, "dB", -400.0..=0.0, Nothing;
     }
 }

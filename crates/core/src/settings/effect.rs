@@ -58,6 +58,8 @@ effects! {
     ElevationalSpeckle = "elevational_speckle";
     /// Clutter near the face.
     Clutter = "clutter";
+    /// Multiples: echoes that the face reflects back into the body, which return again deeper.
+    Multiples = "multiples";
     /// Noise of the receiver.
     Noise = "noise";
     /// Echo and shadow of the tracked needle.
@@ -69,9 +71,9 @@ effects! {
 }
 
 impl Effect {
-    /// Effects of a body in air and of a scanner's receiver. In scenes of specimens, they are off unless the station
-    /// switches them on.
-    pub const OF_BODIES: [Self; 4] = [Self::Contact, Self::Texture, Self::Clutter, Self::Noise];
+    /// Effects of a body in air and of a scanner. In scenes of specimens, they are off unless the station switches them
+    /// on.
+    pub const OF_BODIES: [Self; 5] = [Self::Contact, Self::Texture, Self::Clutter, Self::Multiples, Self::Noise];
 
     /// Documentation of the effect: one sentence.
     pub const fn doc(self) -> &'static str {

@@ -88,6 +88,8 @@ struct Params {
     reflecting_paths: u32,
     // Grey levels that `detect` makes of each sample: 1, or 2 if one lies midway to the next sample.
     levels_per_sample: u32,
+    // Amplitude that the face reflects; 0 without multiples.
+    face_reflection: f32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of the section [image]. Generated functions read them: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

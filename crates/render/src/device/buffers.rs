@@ -74,6 +74,8 @@ pub(crate) struct Buffers {
     pub(super) segment_counts: wgpu::Buffer,
     pub(super) baseband: wgpu::Buffer,
     pub(super) focused: wgpu::Buffer,
+    /// Working memory of `multiples`.
+    pub(super) again: wgpu::Buffer,
     pub(super) polar: wgpu::Buffer,
     pub(super) lines: wgpu::Buffer,
     pub(super) aperture: ApertureBuffers,
@@ -159,6 +161,7 @@ impl Buffers {
             segment_counts: part("segment counts", paths * 4, |b| &b.segment_counts)?,
             baseband: part("baseband", samples * 8, |b| &b.baseband)?,
             focused: part("focused baseband", samples * 8, |b| &b.focused)?,
+            again: part("multiples", if params.face_reflection > 0.0 { samples * 8 } else { 16 }, |b| &b.again)?,
             polar: part("polar image", u64::from(params.levels_per_sample) * samples * 4, |b| &b.polar)?,
             lines: part("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
             aperture: ApertureBuffers::new(gpu, tables, params, plan, previous.map(|b| &b.aperture), frames)?,

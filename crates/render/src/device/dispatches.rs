@@ -213,13 +213,17 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         }
     }
     if contents.maps { insert_maps(frame, inputs)?; }
-    // Image: lateral point-spread function, echoes of the needle, additions of the receiver, then pulse, envelope and log compression.
+    // Image: lateral point-spread function, echoes of the needle, multiples, additions of the receiver, then pulse,
+    // envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", f64::from(steered))],
             &[&b.lateral_kernels, &b.baseband, &b.focused, &a.block_gains, &a.shape, &a.profiles, &a.blends,
                 &b.kernel_spans, &a.reflected])?;
         if has_needle { add_needle_echo(frame, inputs, last, aperture)?; }
+        if params.face_reflection > 0.0 {
+            frame.run(Multiples, last, [params.scanlines, 1, 1], &[], &[&b.again, &b.focused])?;
+        }
         if params.receives() {
             frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
         }

@@ -79,11 +79,12 @@ pub(super) fn pass_buffers(
         gpu.queue.submit([encoder.finish()]);
     };
     let encoder_after = || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    // `needle_shadow`, `echo`, `needle_echo` and `receive` change their input in place, so it is read back before they
-    // run.
+    // `needle_shadow`, `echo`, `needle_echo`, `multiples` and `receive` change their input in place, so it is read back
+    // before they run.
     let shades = before(&[Shader::NeedleShadow, Shader::Propagate, Shader::March]);
     let scatters = before(&[Shader::Echo, Shader::EchoByLine, Shader::Lateral]);
-    let focuses = before(&[Shader::NeedleEcho, Shader::Receive, Shader::Detect]);
+    let focuses = before(&[Shader::NeedleEcho, Shader::Multiples, Shader::Receive, Shader::Detect]);
+    let reflects = before(&[Shader::Multiples, Shader::Receive, Shader::Detect]);
     let receives = before(&[Shader::Receive, Shader::Detect]);
     let shades = shades.min(scatters);
     submit(encoder, &dispatches[..shades]);
@@ -92,8 +93,10 @@ pub(super) fn pass_buffers(
     let scattered = read(gpu, &buffers.baseband)?;
     submit(encoder_after(), &dispatches[scatters..focuses]);
     let focused = read(gpu, &buffers.focused)?;
-    submit(encoder_after(), &dispatches[focuses..receives]);
+    submit(encoder_after(), &dispatches[focuses..reflects]);
     let with_needle = read(gpu, &buffers.focused)?;
+    submit(encoder_after(), &dispatches[reflects..receives]);
+    let with_multiples = read(gpu, &buffers.focused)?;
     submit(encoder_after(), &dispatches[receives..]);
     let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
     Ok(PassBuffers {
@@ -107,6 +110,7 @@ pub(super) fn pass_buffers(
         baseband: read(gpu, &buffers.baseband)?,
         focused,
         with_needle,
+        with_multiples,
         received: read(gpu, &buffers.focused)?,
         couplings: read(gpu, &buffers.couplings)?,
         lines: read(gpu, &buffers.lines)?,

@@ -9,6 +9,7 @@ use super::aperture::fourier::{Roots, Wide};
 use super::aperture::propagate::Propagation;
 use super::aperture::transmission::CellMeans;
 use super::image::detect::DepthGain;
+use super::image::multiples::working_samples;
 use super::image::scan_convert::Layout;
 use super::trace::path_outputs::PathOutputs;
 use crate::aperture::{ApertureTables, MODE_LANES};
@@ -31,6 +32,8 @@ pub(super) struct Buffers {
     pub(super) batches: BatchPlan,
     /// Powers of the scatterers, summed over the batches so far; empty if there is one batch.
     pub(super) kept_powers: Vec<[f32; 3]>,
+    /// Working memory of `multiples`; empty without the effect.
+    pub(super) again: Vec<[f32; 2]>,
     pub(super) gain: DepthGain,
     pub(super) layout: PlacedLayout,
     /// Layout of each steering angle; `None` for an angle without steering.
@@ -182,6 +185,7 @@ impl Buffers {
             )?,
             batches,
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
+            again: zeros("multiples", if params.face_reflection > 0.0 { working_samples(params) } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),
             steered: tables.angles.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),

@@ -111,6 +111,8 @@ changeable! {
         needle_amplitude: f32 = 1.0;
         /// `needle_map`: factor of the radius.
         needle_radius: f32 = 1.0;
+        /// `multiples`: factor of the amplitude that the face reflects.
+        face_reflected: f32 = 1.0;
         /// `receive`: factor of the noise, clutter and reverberation that are added.
         added: f32 = 1.0;
         /// `detect`: decibels of a doubling of power.

@@ -19,6 +19,7 @@ use super::constants::{ImageConstants, TraceConstants};
 use super::effects::PathEffects;
 use super::image::detect::detect;
 use super::image::lateral::{LateralBeam, lateral};
+use super::image::multiples::multiples;
 use super::image::percentile::percentile;
 use super::image::receive::receive;
 use super::image::scan_convert::{Image, Maps, scan_convert};
@@ -69,9 +70,10 @@ struct Intermediate {
     scattered: Vec<[f32; 2]>,
     /// Transmission of the scan plane before the needle's shadow.
     mask: Vec<[f32; 2]>,
-    /// Focused baseband before the needle's echoes, and before the receiver adds to it.
+    /// Focused baseband before the needle's echoes, before multiples, and before the receiver adds to it.
     focused: Vec<[f32; 2]>,
     with_needle: Vec<[f32; 2]>,
+    with_multiples: Vec<[f32; 2]>,
 }
 
 /// Stopwatch for consecutive passes.
@@ -121,7 +123,7 @@ impl HostRenderer {
         if image {
             frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut());
             let (kernels, constants) = (&tables.kernels, self.image);
-            let Buffers { passes: b, gain, amplitudes, batches, .. } = &mut self.buffers;
+            let Buffers { passes: b, again, gain, amplitudes, batches, .. } = &mut self.buffers;
             let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
             let beam = LateralBeam { constants, kernels, gains, reflected: &b.reflected, weights, blends };
             lateral(params, beam, &b.baseband, amplitudes, &mut b.focused);
@@ -138,8 +140,15 @@ impl HostRenderer {
                 needle::echo::needle_echo(&last, constants, needle, &mut b.focused);
                 laps.note("needle_echo");
             }
-            if let Some(kept) = kept {
+            if let Some(kept) = kept.as_deref_mut() {
                 kept.with_needle.clone_from(&b.focused);
+            }
+            if params.face_reflection > 0.0 {
+                multiples(params, constants, again, &mut b.focused);
+                laps.note("multiples");
+            }
+            if let Some(kept) = kept {
+                kept.with_multiples.clone_from(&b.focused);
             }
             if params.receives() {
                 let near = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
@@ -414,7 +423,7 @@ impl FrameMaker for HostRenderer {
         }
         let (mut frame, mut kept) = (Frame::default(), Intermediate::default());
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
-        let Intermediate { scattered, mask, focused, with_needle } = kept;
+        let Intermediate { scattered, mask, focused, with_needle, with_multiples } = kept;
         let received = self.buffers.passes.focused.clone();
         let fields = &self.buffers.passes.fields;
         let by_mode = |tables| by_mode(tables, fields);
@@ -425,6 +434,7 @@ impl FrameMaker for HostRenderer {
             scattered,
             focused,
             with_needle,
+            with_multiples,
             received,
             bmode: frame.bmode,
             segmentation: frame.segmentation,

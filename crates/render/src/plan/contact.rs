@@ -22,6 +22,11 @@ impl Rules<'_> {
         self.added("clutter", self.settings.receiver.clutter_db, CLUTTER_DB_CM)
     }
 
+    /// Multiples are simulated only on request: nothing in a scene says how well a probe's face is matched.
+    pub(super) fn multiples(&self) -> Finding {
+        finding("the station doesn't ask for echoes that the face reflects", Bound::OnRequest)
+    }
+
     pub(super) fn noise(&self) -> Finding {
         self.added("noise", self.settings.receiver.noise_db, 0.0)
     }

@@ -145,6 +145,8 @@ pub struct Inputs {
     pub near_field: Vec<[DVec2; 2]>,
     /// Amplitude of the white noise.
     pub noise: f64,
+    /// Amplitude that the face reflects, 0..=1; 0 without multiples.
+    pub face_reflection: f64,
     /// Amplitude of the clutter.
     pub clutter: f64,
     /// Amplitude of the reverberation.
@@ -290,6 +292,7 @@ impl Inputs {
             near_samples: params.near_samples as usize,
             near_field: tables.near_field.as_ref().map_or_else(Vec::new, |near| near.values.iter().map(pair).collect()),
             noise: params.noise.into(),
+            face_reflection: params.face_reflection.into(),
             clutter: params.clutter.into(),
             reverberation: params.reverberation.into(),
             noise_seed: params.noise_seed,

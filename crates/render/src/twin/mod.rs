@@ -7,8 +7,8 @@
 //! ```text
 //! displace → assemble → refit ┐
 //! locate → trace → transmission → needle_shadow → propagate → beams → profiles → visibility → march → echo → lateral
-//!        → needle_echo → receive → detect ┐
-//!                    section → percentile ┴→ scan_convert → needle_map
+//!        → needle_echo → multiples → receive → detect ┐
+//!                                section → percentile ┴→ scan_convert → needle_map
 //! ```
 
 mod aperture;
@@ -25,6 +25,7 @@ mod locate;
 mod march;
 mod medium;
 mod motion;
+mod multiples;
 mod needle;
 mod needle_table;
 mod percentile;
@@ -54,6 +55,7 @@ pub use locate::{Launched, locate};
 pub use march::{march, reflected};
 pub use medium::Medium;
 pub use motion::{Below, Child, Motion, Node, Vertex};
+pub use multiples::multiples;
 pub use needle::{needle_echo, needle_map, needle_shadow};
 pub use needle_table::{Needle, NeedleEcho};
 pub use percentile::percentile;
@@ -90,6 +92,7 @@ pub fn frame(inputs: &Inputs) -> Maps {
     let reflected = reflected(inputs, &paths, &gains);
     let mut focused = lateral(inputs, &of_blocks, &reflected, &profiles, &baseband);
     needle_echo(inputs, &paths, &gains, &mut focused);
+    multiples(inputs, &mut focused);
     let received = receive(inputs, &paths, &focused);
     let detected = detect(inputs, &received);
     let sections = section(inputs);

@@ -29,7 +29,7 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose, g
              fov_deg = {PHASED_FOV_DEG:?}               # angle of the sector\n"
         ),
     };
-    let Gain { gain_db, tgc_db_per_cm } = *gain;
+    let Gain { gain_db, tgc_db_per_cm, tgc_sliders_db } = *gain;
     let p = pose.position_mm;
     let q = pose.orientation;
     let scene = toml::Value::String(scene.to_owned());
@@ -47,7 +47,9 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose, g
          elevational_focus_mm = {focus_mm:?} # focal depth of the elevational lens\n\n\
          [image]\nwidth = 1000                 # pixels\nheight = 800                 # pixels\n\
          gain_db = {gain_db:?}               # overall gain\n\
-         tgc_db_per_cm = {tgc_db_per_cm:?}          # mean loss along this view, two ways\n\n\
+         tgc_db_per_cm = {tgc_db_per_cm:?}          # usual loss along this view, two ways\n\
+         tgc_sliders_db = {tgc_sliders_db:?} # dB from the face to the full depth\n\n\
+         [effects]\nmultiples = \"on\"             # echoes that the face reflects: A-lines, haze in fluid\n\n\
          [pose]\nposition_mm = [{:.3}, {:.3}, {:.3}]\nquaternion = [{:.9}, {:.9}, {:.9}, {:.9}]\n",
         p.x, p.y, p.z, q.w, q.x, q.y, q.z
     );
@@ -78,12 +80,14 @@ mod tests {
         assert_eq!(choice("heart_ventricle_left", -50.0, 30.0).kind, ProbeKind::Phased);
         // The image ends 60 mm below a lung's pleura, which is 50 mm deep.
         assert_eq!(choice("lung_upper_lobe_left", 0.0, 50.0).depth_mm, 110.0);
-        let gain = Gain { gain_db: 15.0, tgc_db_per_cm: 3.2 };
+        let gain =
+            Gain { gain_db: 15.0, tgc_db_per_cm: 3.2, tgc_sliders_db: [0.0, 0.0, 0.0, 1.0, -2.0, 0.0, 0.0, 0.0] };
         let text = station_text("a \"b\".glb", "liver", &deep, &pose, &gain);
         let table: toml::Table = text.parse().unwrap();
         assert_eq!(table["scene"]["path"].as_str(), Some("a \"b\".glb"));
         assert_eq!(table["probe"]["depth_mm"].as_float(), Some(170.0));
         assert_eq!(table["image"]["tgc_db_per_cm"].as_float(), Some(3.2));
+        assert_eq!(table["image"]["tgc_sliders_db"][4].as_float(), Some(-2.0));
         // Names of files and organs may have any characters.
         let text = station_text("a\n[b].glb", "li\nver = 3\r\u{1b}[31m\0\u{7f}\u{2028}", &deep, &pose, &gain);
         let table: toml::Table = text.parse().unwrap();

@@ -65,6 +65,7 @@ impl Rules<'_> {
             Effect::Texture => self.texture(),
             Effect::ElevationalSpeckle => self.elevational_speckle(),
             Effect::Clutter => self.clutter(),
+            Effect::Multiples => self.multiples(),
             Effect::Noise => self.noise(),
             Effect::Needle => self.needle(),
             Effect::Motion => self.motion(),
