@@ -29,9 +29,13 @@ def keep(root, result, names):
         plans = [
             {"name": name, "pairs": of["plan"]["pairs"], "trainings": len(of["plan"]["trainings"]), "seconds": {part: float(of["seconds"][part]) for part in ("render", "train")}}
             for name, of in report["plans"].items()
+            # A visit may end before a later plan is trained.
+            if {"render", "train"} <= set(of["seconds"])
         ]
     except (OSError, ValueError, KeyError) as error:
         raise VisitError(f"{result}: no report of a run that judged: {error!r}", 2) from None
+    if not plans or not rows:
+        raise VisitError(f"{result}: no plan was rendered, trained and judged", 2)
     # All of them, before anything is written.
     sources = [chosen(result, report, name) for name in names]
     if len({source.name for source in sources}) < len(sources):

@@ -163,3 +163,44 @@ def test_the_plans_of_the_next_visit_are_valid_and_packed(path, script):
         Entry.of(row)
     assert len({row["seed"] for row in rows}) == 2
     assert str(path.relative_to(ROOT)) in script.FILES
+
+
+def test_what_passed_of_two_plans_is_kept(tmp_path, script):
+    from measuring import trained
+
+    figures = dict.fromkeys(("psnr_db", "psnr_db_worst", "ssim", "pkl", "pkl_worst", "fd", "seen", "levels", "texture"), 0.5)
+    row = {**figures, "may_ship": True}
+    plans = {name: {"plan": {**PLAN, "pairs": {**PLAN["pairs"], "frames": count}}, "seconds": {"render": count / 10, "train": 300.0}} for name, count in (("gpu_plan", 800), ("other", 40))}
+    report = {
+        "packed": {"commit": "abcdef0"}, "machine": "a GPU, its host, 16 cores", "date": "2026-11-29", "plans": plans,
+        "judged": {"1x1": {"LQ": row, "msa": row, "ms": {**row, "may_ship": False}}, "rolling": {"LQ": row, "rolling": row}},
+    }  # fmt: skip
+    result = tmp_path / "result"
+    for name, generator in (("msa", "beam_msa"), ("ms", "beam_ms"), ("rolling", "beam_m_rolling")):
+        folder = result / "generators" / name / generator
+        folder.mkdir(parents=True)
+        (folder / f"{generator}.toml").write_text(name)
+    (result / "report.json").write_text(json.dumps(report))
+    root = tmp_path / "checkout"
+    (root / "docs/figures").mkdir(parents=True)
+    (root / "docs/notes.md").write_text("<!-- figure: trained -->\n\n<!-- /figure -->\n")
+    with pytest.raises(script.VisitError, match="ms: its pKL"):
+        trained.keep(root, result, ["msa", "ms"])
+    assert not (root / "assets").exists()
+    trained.keep(root, result, ["msa", "rolling"])
+    assert {path.read_text() for path in (root / "assets/generators").glob("*/*.toml")} == {"msa", "rolling"}
+    shown = (root / "docs/notes.md").read_text()
+    assert "800 pairs rendered in 80 s, 2 trained side by side in 300 s, then 40 pairs rendered in 4 s" in shown
+    assert all(f"`{name}`" in shown for name in ("msa", "ms", "rolling"))
+    # A visit that ended early has what was trained before.
+    del report["plans"]["other"]["seconds"]["train"]
+    (result / "report.json").write_text(json.dumps(report))
+    trained.keep(root, result, [])
+    assert "then 40 pairs" not in (root / "docs/notes.md").read_text()
+    del report["plans"]["gpu_plan"]
+    (result / "report.json").write_text(json.dumps(report))
+    with pytest.raises(script.VisitError, match="no plan was rendered, trained and judged"):
+        trained.keep(root, result, [])
+    (result / "report.json").write_text("{}")
+    with pytest.raises(script.VisitError, match="no report of a run that judged"):
+        trained.keep(root, result, [])
