@@ -121,7 +121,8 @@ def test_a_second_plan_adds_to_the_result(tmp_path, unpacked, script, monkeypatc
 
 def test_a_trial_has_a_budget_of_its_own(tmp_path, unpacked, script):
     assert script.Run(arguments(tmp_path, seconds=None)).seconds == script.BUDGET_S
-    assert script.Run(arguments(tmp_path, seconds=None, trial=True)).seconds == script.TRIAL_S
+    trial = script.Run(arguments(tmp_path, seconds=None, trial=True))
+    assert trial.seconds == script.TRIAL_S and trial.plan["pairs"]["frames"] == script.TRIAL["frames"]
     assert script.Run(arguments(tmp_path, seconds=33.0, trial=True)).seconds == 33.0
 
 
