@@ -267,7 +267,8 @@ def trained(data):
         cells += [number(row["fd"], 2), number(row["seen"], 2), number(row["levels"], 2), number(row["texture"], 2)]
         rows.append([name, *cells, "–" if row["name"] == "LQ" else "yes" if row["may_ship"] else "no"])
     head = ["", "PSNR, dB:", "5 %:", "SSIM, %:", "pKL ×100:", "95 %:", "FD texture64:", "seen error:", "levels:", "texture:", "passes:"]
-    made = f": {data['pairs']['frames']} pairs rendered in {data['seconds']['render']:.0f} s, all trained side by side in {data['seconds']['train']:.0f} s"
+    each = [f"{of['pairs']['frames']} pairs rendered in {of['seconds']['render']:.0f} s, {of['trainings']} trained side by side in {of['seconds']['train']:.0f} s" for of in data["plans"]]
+    made = ": " + ", then ".join(each)
     judged = f"; judged by {data['judged']}" if "judged" in data else ""
     return table(head, rows) + "\n\n" + caption(data, made + judged)
 

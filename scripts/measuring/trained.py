@@ -26,9 +26,16 @@ def keep(root, result, names):
     try:
         report = json.loads((result / "report.json").read_text())
         rows = [{"data": data, "name": name, **figures} for data, judged in report["judged"].items() for name, figures in judged.items()]
-        render_s, train_s = (float(report["seconds"][part]) for part in ("render", "train"))
+        plans = [
+            {"name": name, "pairs": of["plan"]["pairs"], "trainings": len(of["plan"]["trainings"]), "seconds": {part: float(of["seconds"][part]) for part in ("render", "train")}}
+            for name, of in report["plans"].items()
+            # A visit may end before a later plan is trained.
+            if {"render", "train"} <= set(of["seconds"])
+        ]
     except (OSError, ValueError, KeyError) as error:
         raise VisitError(f"{result}: no report of a run that judged: {error!r}", 2) from None
+    if not plans or not rows:
+        raise VisitError(f"{result}: no plan was rendered, trained and judged", 2)
     # All of them, before anything is written.
     sources = [chosen(result, report, name) for name in names]
     if len({source.name for source in sources}) < len(sources):
@@ -42,7 +49,7 @@ def keep(root, result, names):
     data = {
         "figure": "trained", "commit": report["packed"]["commit"], "date": report["date"],
         "machine": {"processor": ", ".join([*gpus, processor]), "cores": int(cores.split()[0])},
-        "command": "gpu-train run", "seconds": {"render": render_s, "train": train_s}, "pairs": report["plan"]["pairs"],
+        "command": "gpu-train run", "plans": plans,
         **({"judged": report["judged_by"]} if "judged_by" in report else {}), "rows": rows,
     }  # fmt: skip
     tree = store.Tree(root)
