@@ -213,8 +213,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         }
     }
     if contents.maps { insert_maps(frame, inputs)?; }
-    // Image: lateral point-spread function, echoes of the needle, multiples, additions of the receiver, then pulse,
-    // envelope and log compression.
+    // Image: lateral point-spread function, what is added to the lines, then pulse, envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", f64::from(steered))],
