@@ -228,12 +228,6 @@ impl Station {
         })
     }
 
-    /// Whether the station has an exercise.
-    #[getter]
-    fn has_exercise(&self) -> bool {
-        self.0.described().station.exercise.is_some()
-    }
-
     /// The exercise in its scene, which is loaded; none for a station without one.
     fn exercise(&self, py: Python<'_>) -> PyResult<Option<Exercise>> {
         let described = self.0.described();
