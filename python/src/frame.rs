@@ -1,6 +1,7 @@
 //! Requests for frames, and the frames.
 
-use insonify::chooser::StillFrame;
+use insonify::chooser::{StillFrame, StillPoses};
+use insonify::needle::Needle;
 use insonify::pose::Pose;
 use insonify::render::{FrameQuality, Quality};
 use insonify::settings::ProbeKind;
@@ -30,19 +31,61 @@ pub(crate) fn quality_of(text: &str) -> Result<FrameQuality, Failure> {
     text.parse().map_err(|error| Failure::new(Kind::Input, format!("quality is `{text}`: {error}")))
 }
 
-/// Request for a frame: pose, quality, seed, time, and the arrays to return.
+/// The needle of one frame as a caller gives it: a pose, or `False` for a frame without it.
+#[derive(FromPyObject)]
+pub(crate) enum NeedleArgument {
+    #[pyo3(transparent)]
+    Pose([f64; 7]),
+    #[pyo3(transparent)]
+    Shown(bool),
+}
+
+/// The needle of one frame.
+#[derive(Clone, Copy)]
+enum FrameNeedle {
+    /// The station's own, where it stands.
+    Own,
+    At(Needle),
+    Absent,
+}
+
+impl FrameNeedle {
+    /// Checks an argument of a station with or without a needle.
+    fn of(argument: Option<NeedleArgument>, has_needle: bool) -> Result<Self, Failure> {
+        match argument {
+            None | Some(NeedleArgument::Shown(true)) => Ok(Self::Own),
+            Some(NeedleArgument::Shown(false)) => Ok(Self::Absent),
+            Some(NeedleArgument::Pose(_)) if !has_needle => {
+                let text = "a pose of the needle is given, and the station has no needle; \
+                            station.set(needle=pose) gives it one";
+                Err(Failure::new(Kind::Input, text))
+            }
+            // Only a sensor with five degrees of freedom leaves the bevel unknown.
+            Some(NeedleArgument::Pose(pose)) => {
+                Ok(Self::At(Needle { scene_from_needle: pose_of(pose)?, bevel_known: true }))
+            }
+        }
+    }
+}
+
+/// Request for a frame: poses, quality, seed, time, and the arrays to return.
 pub(crate) struct FrameRequest {
-    pub(crate) pose: Pose,
+    pose: Pose,
+    needle: FrameNeedle,
     pub(crate) quality: Option<FrameQuality>,
-    pub(crate) seed: Option<u32>,
-    pub(crate) time_s: f64,
+    seed: Option<u32>,
+    time_s: f64,
     maps: bool,
     lines: bool,
 }
 
 impl FrameRequest {
+    /// Checks the parts of a request to a station with or without a needle.
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     pub(crate) fn new(
         pose: [f64; 7],
+        needle: Option<NeedleArgument>,
+        has_needle: bool,
         quality: Option<&str>,
         seed: Option<u32>,
         time_s: f64,
@@ -54,7 +97,18 @@ impl FrameRequest {
             return Err(Failure::new(Kind::Input, text));
         }
         let quality = quality.map(quality_of).transpose()?;
-        Ok(Self { pose: pose_of(pose)?, quality, seed, time_s, maps, lines })
+        let needle = FrameNeedle::of(needle, has_needle)?;
+        Ok(Self { pose: pose_of(pose)?, needle, quality, seed, time_s, maps, lines })
+    }
+
+    /// Poses of the tools of a station, and time.
+    pub(crate) fn at(&self, station: &insonify::Station) -> StillPoses {
+        let needle = match self.needle {
+            FrameNeedle::Own => station.standing_needle(),
+            FrameNeedle::At(needle) => Some(needle),
+            FrameNeedle::Absent => None,
+        };
+        StillPoses { probe: self.pose, needle, time_s: self.time_s }
     }
 
     /// Settings of the requested frame, chosen as `insonify render` chooses them.

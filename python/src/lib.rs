@@ -5,6 +5,7 @@ mod convert;
 mod dataset;
 mod described;
 mod errors;
+mod exercise;
 mod frame;
 mod generator;
 mod log;
@@ -25,6 +26,8 @@ mod _insonify {
     #[pymodule_export]
     use super::dataset::{Dataset, make_dataset};
     #[pymodule_export]
+    use super::exercise::{Exercise, NeedleSession};
+    #[pymodule_export]
     use super::frame::{Record, Still};
     #[pymodule_export]
     use super::generator::Generator;
@@ -33,7 +36,9 @@ mod _insonify {
     #[pymodule_export]
     use super::scene::SceneArrays;
     #[pymodule_export]
-    use super::station::{Station, builtin_tissues_json, checked_pose, inverse_pose, png, pose_product, station_keys};
+    use super::station::{
+        Station, builtin_tissues_json, checked_pose, inverse_pose, looking_pose, png, pose_product, station_keys,
+    };
     #[pymodule_export]
     use super::stream::Stream;
 

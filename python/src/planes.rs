@@ -4,6 +4,7 @@ use insonify::anatomy::Skin;
 use insonify::anatomy::planes::StandardPlanes;
 use insonify::exam::offset::Offset;
 use insonify::exam::score::{HOLD_S, is_on_skin};
+use insonify::pose::Pose;
 use insonify::settings::ContactSettings;
 use insonify::transducer::{Probe, touch};
 use pyo3::prelude::*;
@@ -18,6 +19,16 @@ pub(crate) struct Planes {
     pub(crate) skin: Skin,
     pub(crate) probe: Probe,
     pub(crate) contact: ContactSettings,
+}
+
+/// Contact of a probe with the skin: the coupled part of the face, 0..=1, the depth of its centre below the skin, mm
+/// (`None` if far away), and whether a score counts the probe as on the skin.
+pub(crate) type Touched = (f64, Option<f64>, bool);
+
+/// Contact of `probe` at `pose` with `skin`.
+pub(crate) fn touched(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings) -> Touched {
+    let (_, contact) = touch(skin, probe, pose, contact);
+    (contact.part, contact.press_mm, is_on_skin(&contact))
 }
 
 #[pymethods]
@@ -37,11 +48,9 @@ impl Planes {
         Ok((view, serde_json::to_string(&offset).map_err(|error| Failure::of(Kind::Internal, &error))?))
     }
 
-    /// Contact of the probe with the skin. Returns the coupled part of the face, 0..=1, the depth of its centre below
-    /// the skin, mm (`None` if far away), and whether a score counts the probe as on the skin.
-    fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>, bool)> {
-        let (_, contact) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
-        Ok((contact.part, contact.press_mm, is_on_skin(&contact)))
+    /// Contact of the probe with the skin.
+    fn touch(&self, pose: [f64; 7]) -> PyResult<Touched> {
+        Ok(touched(&self.skin, &self.probe, &pose_of(pose)?, &self.contact))
     }
 
     /// Time for which a plane must be held so that it counts as found, s.

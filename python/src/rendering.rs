@@ -145,7 +145,7 @@ impl Rendering {
         let still = Self::with(slot, described, &settings, |rendering| {
             rendering.warn(&described.station.probe, &settings);
             let Self { renderer, backend, .. } = rendering;
-            let at = (request.pose, request.time_s);
+            let at = request.at(&described.station);
             Ok(render_still_with(renderer, backend, &described.station, settings, at, budget_ms)?)
         })?;
         if let Some(found) = &still.chosen {
@@ -172,7 +172,7 @@ impl Rendering {
             if let Some(quality) = chosen.filter(|_| request.quality.is_none()) {
                 settings.quality = quality.with_seed(settings.quality.seed);
             }
-            StillJob { settings, at: (request.pose, request.time_s) }
+            StillJob { settings, at: request.at(&described.station) }
         };
         let jobs: Vec<StillJob> = requests.iter().map(job).collect();
         let Some(first) = jobs.first() else { return Ok(()) };

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use insonify::glam::DVec3;
+use insonify::pose::Pose;
 use insonify::render::BackendChoice;
 use insonify::settings::SettingsGroup;
 use insonify::station::{PlaneScene, keys};
@@ -15,7 +17,8 @@ use toml::{Table, Value};
 use crate::convert::{merge, to_python};
 use crate::described::Described;
 use crate::errors::{Failure, Kind};
-use crate::frame::{Components, FrameRequest, Still, components, pose_of};
+use crate::exercise::Exercise;
+use crate::frame::{Components, FrameRequest, NeedleArgument, Still, components, pose_of};
 use crate::planes::Planes;
 use crate::rendering::Rendering;
 use crate::scene::SceneArrays;
@@ -124,6 +127,7 @@ impl Station {
             "look": settings.look,
             "contact": settings.contact,
             "receiver": settings.receiver,
+            "needle": settings.needle,
             "background": station.background,
         })
         .to_string()
@@ -157,20 +161,36 @@ impl Station {
         self.0.described().station.default_pose.map(|pose| components(&pose))
     }
 
+    /// Shape of the needle: gauge, length, bevel, kind and diameter, as JSON; none for a station without a needle.
+    fn needle_json(&self) -> Option<String> {
+        let needle = self.0.described().station.settings.needle?;
+        let mut shape = json!(needle);
+        shape["diameter_mm"] = json!(needle.diameter_mm());
+        Some(shape.to_string())
+    }
+
+    /// Pose at which the needle stands; none for a tracked one.
+    #[getter]
+    fn needle_pose(&self) -> Option<Components> {
+        self.0.described().station.standing_needle().map(|needle| components(&needle.scene_from_needle))
+    }
+
     /// Renders a frame.
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn render(
         &self,
         py: Python<'_>,
         pose: [f64; 7],
+        needle: Option<NeedleArgument>,
         quality: Option<&str>,
         seed: Option<u32>,
         time_s: f64,
         maps: bool,
         lines: bool,
     ) -> PyResult<Still> {
-        let request = FrameRequest::new(pose, quality, seed, time_s, maps, lines)?;
         let (inner, described) = (self.0.clone(), self.0.described());
+        let has_needle = described.station.settings.needle.is_some();
+        let request = FrameRequest::new(pose, needle, has_needle, quality, seed, time_s, maps, lines)?;
         let still = interruptibly(py, move || Rendering::still(&inner.rendering, &described, &request, &mut None))?;
         Still::new(py, still)
     }
@@ -207,6 +227,13 @@ impl Station {
             Ok(Planes { planes, skin, probe: station.probe, contact: station.settings.contact })
         })
     }
+
+    /// The exercise in its scene, which is loaded; none for a station without one.
+    fn exercise(&self, py: Python<'_>) -> PyResult<Option<Exercise>> {
+        let described = self.0.described();
+        let Some(exercise) = described.station.exercise.clone() else { return Ok(None) };
+        interruptibly(py, move || Exercise::open(&described, exercise)).map(Some)
+    }
 }
 
 fn backend_of(name: Option<&str>) -> Result<Option<BackendChoice>, Failure> {
@@ -241,6 +268,21 @@ pub(crate) fn pose_product(a_from_b: [f64; 7], b_from_c: [f64; 7]) -> PyResult<C
     let product = pose_of(a_from_b)? * pose_of(b_from_c)?;
     // The position of the product may be out of range.
     Ok(components(&pose_of(product.components())?))
+}
+
+/// Pose at a position (mm) whose z axis points along `direction`, with the x axis as close as possible to `lateral`.
+#[pyfunction]
+pub(crate) fn looking_pose(position_mm: [f64; 3], direction: [f64; 3], lateral: [f64; 3]) -> PyResult<Components> {
+    let (along, aside) = (DVec3::from_array(direction), DVec3::from_array(lateral));
+    for (name, given, axis) in [("direction", direction, along), ("lateral", lateral, aside)] {
+        if axis.try_normalize().is_none() {
+            let text = format!("{name} is {given:?}; it must be three finite numbers, not all of them 0");
+            return Err(Failure::new(Kind::Pose, text).into());
+        }
+    }
+    let pose = Pose::looking(DVec3::from_array(position_mm), along, aside);
+    // The position may be out of range.
+    Ok(components(&pose_of(pose.components())?))
 }
 
 /// Built-in tissues with ranges and sources, as JSON.

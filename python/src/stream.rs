@@ -8,7 +8,7 @@ use insonify::chooser::StillFrame;
 use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
-use crate::frame::{FrameRequest, Still};
+use crate::frame::{FrameRequest, NeedleArgument, Still};
 use crate::rendering::Rendering;
 use crate::shared::SharedStation;
 use crate::work::wait;
@@ -20,6 +20,7 @@ pub(crate) struct Stream {
     frames: Mutex<Receiver<Result<StillFrame, Failure>>>,
     closed: Arc<AtomicBool>,
     process: u32,
+    has_needle: bool,
 }
 
 impl Stream {
@@ -28,6 +29,7 @@ impl Stream {
         let (made, frames) = mpsc::channel();
         let closed = Arc::new(AtomicBool::new(false));
         let (described, stop) = (inner.described(), closed.clone());
+        let has_needle = described.station.settings.needle.is_some();
         let thread = std::thread::Builder::new().name("insonify-ahead".into()).spawn(move || {
             // If a budget chooses the quality of the first frame, all other frames have this quality, too.
             let mut chosen = None;
@@ -56,7 +58,7 @@ impl Stream {
         });
         thread.map_err(|e| Failure::new(Kind::Internal, format!("no thread can be started: {e}")))?;
         let process = std::process::id();
-        Ok(Self { requests: Mutex::new(Some(requests)), frames: Mutex::new(frames), closed, process })
+        Ok(Self { requests: Mutex::new(Some(requests)), frames: Mutex::new(frames), closed, process, has_needle })
     }
 
     fn check(&self) -> Result<(), Failure> {
@@ -77,6 +79,7 @@ impl Stream {
     fn push(
         &self,
         pose: [f64; 7],
+        needle: Option<NeedleArgument>,
         quality: Option<&str>,
         seed: Option<u32>,
         time_s: f64,
@@ -84,7 +87,7 @@ impl Stream {
         lines: bool,
     ) -> PyResult<()> {
         self.check()?;
-        let request = FrameRequest::new(pose, quality, seed, time_s, maps, lines)?;
+        let request = FrameRequest::new(pose, needle, self.has_needle, quality, seed, time_s, maps, lines)?;
         let requests = self.requests.lock().unwrap_or_else(PoisonError::into_inner);
         let sent = requests.as_ref().is_some_and(|requests| requests.send(request).is_ok());
         if sent { Ok(()) } else { Err(Failure::new(Kind::Render, "the stream is closed").into()) }

@@ -13,9 +13,9 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
-from insonify.gym import ProbeEnv, RewardWeights  # noqa: E402
+from insonify.gym import NeedleEnv, ProbeEnv, RewardWeights  # noqa: E402
 
-IDS = ["insonify/Reach-v0", "insonify/StandardPlane-v0"]
+IDS = ["insonify/Reach-v0", "insonify/StandardPlane-v0", "insonify/Needle-v0"]
 
 
 def episode(environment: Any, seed: int, steps: int = 12) -> list[Any]:
@@ -125,6 +125,135 @@ def test_a_probe_in_the_air_and_beyond_its_reach() -> None:
     for _ in range(60):
         *_, info = environment.step(up)
     assert np.linalg.norm(info["pose"][:3] - kept[:3]) < 130
+
+
+def toward(here: insonify.Pose, there: insonify.Pose) -> Any:
+    """Action that moves a tool to a pose."""
+    way = here.inverse() @ there
+    w, *axis = way.quaternion_wxyz
+    turn = 2 * np.array(axis) * (1 if w >= 0 else -1)
+    wanted = np.concatenate([np.array(way.position_mm) / 2, turn / np.deg2rad(3)])
+    # The whole way is scaled, so that the tip goes straight.
+    return (wanted / max(1.0, float(np.abs(wanted).max()))).astype(np.float32)
+
+
+def punctured(environment: Any, seed: int, aside_mm: float = 0.0) -> tuple[float, int, bool, dict[str, Any]]:
+    """An episode of a hand that lines the needle up with the planned way and advances it; `aside_mm` off the image
+    plane. Returns the return, the steps, whether the episode ended by itself, and its last `info`."""
+    inner = environment.unwrapped
+    assert isinstance(inner, NeedleEnv) and inner.station.exercise is not None
+    plan = inner.station.exercise.plan
+    length_mm = float(np.linalg.norm(np.array(plan.aim_mm) - plan.entry_mm))
+    across = plan.probe @ insonify.Pose((0, aside_mm, 0)) @ plan.probe.inverse()
+    line = across @ plan.needle
+    _, info = environment.reset(seed=seed)
+    total, lined_up = 0.0, False
+    for step in itertools.count(1):
+        depth_mm = -5.0 if not lined_up else length_mm
+        action = toward(inner.needle, line @ insonify.Pose((0, 0, depth_mm)))
+        lined_up = lined_up or bool(np.abs(action).max() < 0.05)
+        padded = np.concatenate([action, np.zeros(environment.action_space.shape[0] - 6, np.float32)])
+        _, reward, terminated, truncated, info = environment.step(padded)
+        total += float(reward)
+        if terminated or truncated:
+            return total, step, terminated, info
+    raise AssertionError
+
+
+@pytest.mark.parametrize("name", ["needle_cyst", "needle_vessel"])
+@pytest.mark.parametrize("move_probe", [False, True])
+def test_a_hand_that_goes_straight_reaches_the_target_in_sight(name: str, move_probe: bool) -> None:
+    environment = gymnasium.make("insonify/Needle-v0", station=name, move_probe=move_probe)
+    for seed in range(3):
+        total, steps, terminated, info = punctured(environment, seed)
+        assert terminated and info["reached"] and info["distance_mm"] == 0 and info["forbidden"] == 0, info
+        assert steps < 60 and info["path_mm"] < 80
+        if not move_probe:
+            # 10 at the end, and a unit for each 10 mm.
+            assert info["visible"] and total > 11, (total, info)
+        score = environment.unwrapped.score()
+        assert score.reached is not None and score.points is not None and score.points > 60, str(score)
+
+
+def test_random_actions_do_not_reach_the_target() -> None:
+    environment = gymnasium.make("insonify/Needle-v0")
+    random, returns, reached = np.random.default_rng(0), [], 0
+    for seed in range(4):
+        environment.reset(seed=seed)
+        total, over = 0.0, False
+        while not over:
+            _, reward, terminated, truncated, info = environment.step(random.uniform(-1, 1, 6).astype(np.float32))
+            total += float(reward)
+            over = terminated or truncated
+        returns.append(total)
+        reached += int(info["reached"])
+    assert reached == 0 and max(returns) < 5, returns
+
+
+def test_a_tip_out_of_sight_earns_less_and_a_forbidden_puncture_costs() -> None:
+    seen = punctured(gymnasium.make("insonify/Needle-v0"), 1)
+    hidden = punctured(gymnasium.make("insonify/Needle-v0"), 1, aside_mm=5.0)
+    assert hidden[2] and hidden[3]["reached"] and not hidden[3]["visible"] and hidden[3]["offset_mm"] > 4
+    assert 4 < seen[0] - hidden[0] < 6, (seen, hidden)
+    station = insonify.Station("needle_cyst", exercise={"target": "artery", "forbidden": ["cyst"]})
+    station.set(exercise={"target": None, "target_mm": [0, 0, 30], "radius_mm": 1.0})
+    total, _, terminated, info = punctured(gymnasium.make("insonify/Needle-v0", station=station), 1)
+    assert terminated and not info["reached"] and info["forbidden"] == 1
+    assert total < -5, "10 for the puncture, less the way to it"
+    light = RewardWeights(forbidden=0.0)
+    assert punctured(gymnasium.make("insonify/Needle-v0", station=station, weights=light), 1)[0] == pytest.approx(
+        total + 10
+    )
+
+
+def test_the_needle_is_in_the_observation_and_within_its_reach() -> None:
+    environment = gymnasium.make("insonify/Needle-v0", maps=True, reach_mm=45.0, render_mode="rgb_array")
+    inner = environment.unwrapped
+    assert isinstance(inner, NeedleEnv)
+    number = inner.station.tissue_names.index("needle")
+    punctured(environment, 2)
+    observation, *_ = environment.step(np.zeros(6, np.float32))
+    assert observation.shape == (84, 84, 3) and (observation[:, :, 1] == number).any()
+    assert np.array_equal(environment.render()[:, :, 0], observation[:, :, 0])
+    _, info = environment.reset(seed=2)
+    for _ in range(60):
+        *_, info = environment.step(np.array([0, 0, -1, 0, 0, 0], dtype=np.float32))
+    plan = inner.station.exercise.plan if inner.station.exercise else None
+    assert plan is not None and 40 < np.linalg.norm(info["needle"][:3] - plan.entry_mm) <= 45
+
+
+def test_a_probe_that_moves_stays_on_the_skin() -> None:
+    environment = gymnasium.make("insonify/Needle-v0", move_probe=True)
+    assert environment.action_space.shape == (12,)
+    _, info = environment.reset(seed=4)
+    first = info["pose"]
+    for _ in range(10):
+        action = np.zeros(12, np.float32)
+        action[6:9] = (1, 0, -1)
+        *_, info = environment.step(action)
+        assert info["on_skin"]
+    assert 15 < np.linalg.norm(info["pose"][:3] - first[:3]) < 25
+
+
+def test_wrong_needle_environments_are_refused() -> None:
+    cyst = insonify.Station("needle_cyst")
+    for keywords, words in (
+        ({"station": "sphere"}, "the station has no needle"),
+        ({"station": cyst.copy(exercise=None)}, "the station has no exercise"),
+        ({"station": cyst.copy(needle={"kind": "pointer"})}, "a pointer, which pictures do not show"),
+        ({"station": cyst.copy(pose=None)}, "no pose of its own"),
+        ({"steps_per_s": 3.0}, "steps_per_s is 3.0"),
+        ({"render_mode": "human"}, "render_mode"),
+    ):
+        with pytest.raises(insonify.InputError, match=words):
+            NeedleEnv(**keywords)  # type: ignore[arg-type]
+    with pytest.raises(insonify.StationError, match="did you mean `cyst`"):
+        NeedleEnv(station=cyst.copy(exercise={"target": "cist"}))
+    environment = NeedleEnv()
+    environment.reset(seed=1)
+    for action in (np.zeros(12, np.float32), np.full(6, np.nan, np.float32)):
+        with pytest.raises(insonify.InputError, match="finite numbers"):
+            environment.step(action)
 
 
 def test_wrong_environments_are_refused() -> None:

@@ -18,5 +18,5 @@ mod translation;
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use starting_point::{StartingPoint, choose};
 pub use still::{StillQuality, choose_still};
-pub use still_frame::{StillFrame, StillJob, render_still, render_still_with, render_stills_with};
+pub use still_frame::{StillFrame, StillJob, StillPoses, render_still, render_still_with, render_stills_with};
 pub use translation::{Translation, TranslationReport};

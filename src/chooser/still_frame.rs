@@ -5,6 +5,7 @@ use crate::anatomy::Scene;
 use crate::lanes::{in_order, lane_count};
 use crate::look::{Look, Shape};
 use crate::measuring::{MeasuringError, scene_name};
+use crate::needle::Needle;
 use crate::pose::Pose;
 use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer};
 use crate::sink::FrameRecord;
@@ -21,7 +22,18 @@ pub struct StillFrame {
     pub chosen: Option<StillQuality>,
 }
 
-/// Renders a station's `scene` with `settings`, `at` a pose and scene time (s), and applies the post-processing. With
+/// Poses of the tools in a still, and its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StillPoses {
+    /// Pose of the probe.
+    pub probe: Pose,
+    /// The needle; `None`: the still shows none. A station without a needle, or with a pointer, never shows one.
+    pub needle: Option<Needle>,
+    /// Scene time, s.
+    pub time_s: f64,
+}
+
+/// Renders a station's `scene` with `settings` and the tools `at` their poses, and applies the post-processing. With
 /// `frame_budget_ms`, rays and layers are chosen. Logs a warning if paths met more interfaces than the buffers hold.
 ///
 /// # Errors
@@ -31,7 +43,7 @@ pub fn render_still(
     scene: &Scene,
     station: &Station,
     settings: RenderSettings,
-    at: (Pose, f64),
+    at: StillPoses,
     frame_budget_ms: Option<f64>,
 ) -> Result<StillFrame, MeasuringError> {
     let mut renderer = Renderer::new(backend, scene, &station.probe, &settings)?;
@@ -48,13 +60,13 @@ pub fn render_still_with(
     backend: &Backend,
     station: &Station,
     mut settings: RenderSettings,
-    (pose, time_s): (Pose, f64),
+    StillPoses { probe: pose, needle, time_s }: StillPoses,
     frame_budget_ms: Option<f64>,
 ) -> Result<StillFrame, MeasuringError> {
     let probe = &station.probe;
     renderer.reconfigure(probe, &settings)?;
     renderer.set_time_s(time_s);
-    renderer.set_needle(station.standing_needle());
+    renderer.set_needle(needle);
     let mut chosen = None;
     if let Some(budget_ms) = frame_budget_ms {
         let found = choose_still(renderer, &scene_name(station), probe, &settings, &[pose], budget_ms)?;
@@ -72,6 +84,7 @@ pub fn render_still_with(
     let (plan, sector) = (renderer.plan(), renderer.sector());
     let mut record = FrameRecord::new(&frame, &pose, probe, &settings, plan, sector, backend.into());
     record.chosen = chosen.as_ref().map(StillQuality::to_string);
+    record.set_needle(needle.as_ref());
     Ok(StillFrame { frame, record, chosen })
 }
 
@@ -80,8 +93,8 @@ pub fn render_still_with(
 pub struct StillJob {
     /// Settings of the frame.
     pub settings: RenderSettings,
-    /// Pose of the probe, and scene time, s.
-    pub at: (Pose, f64),
+    /// Poses of the tools, and time.
+    pub at: StillPoses,
 }
 
 /// Does [`render_still_with`] for all `jobs`, several at once on the host. `each` receives the frames in order.

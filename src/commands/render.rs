@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::chooser::{StillFrame, render_still};
+use insonify::chooser::{StillFrame, StillPoses, render_still};
 use insonify::files::Outputs;
 use insonify::pose::Pose;
 use insonify::render::{FrameQuality, Quality};
@@ -99,8 +99,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = session::load_scene(&station)?;
     session::warn_of_effects(&scene, &station.probe, &settings);
     let budget_ms = station.frame_budget_ms.filter(|_| args.quality.is_none());
-    let StillFrame { frame, record, chosen } =
-        render_still(&backend, &scene, &station, settings, (pose, args.time), budget_ms)?;
+    let at = StillPoses { probe: pose, needle: station.standing_needle(), time_s: args.time };
+    let StillFrame { frame, record, chosen } = render_still(&backend, &scene, &station, settings, at, budget_ms)?;
     chosen.iter().for_each(quality::say_chosen);
     if let Some(misplaced) = record.contact.and_then(|contact| contact.misplaced) {
         tracing::warn!("pose: {misplaced}");

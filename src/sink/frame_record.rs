@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::needle::Needle;
 use crate::pose::Pose;
 use crate::render::{Backend, Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ContactSettings, ImageSettings, LookSettings, Probe, Quality, ReceiverSettings, RenderSettings};
@@ -16,6 +17,9 @@ pub struct FrameRecord {
     pub version: &'static str,
     /// `scene_from_probe`.
     pub pose: PoseRecord,
+    /// `scene_from_needle`; left out for a frame without a needle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub needle: Option<PoseRecord>,
     /// Requested quality.
     pub quality: RenderSettings,
     /// Quality that a budget chose, and why; none if the quality is fixed.
@@ -51,9 +55,9 @@ pub struct FrameRecord {
 /// A pose in the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseRecord {
-    /// Centre of the transducer's face in the scene, mm.
+    /// Centre of the transducer's face, or the needle's tip, in the scene, mm.
     pub position_mm: [f64; 3],
-    /// Unit quaternion w, x, y, z that turns probe axes into scene axes.
+    /// Unit quaternion w, x, y, z that turns the tool's axes into scene axes.
     pub orientation_wxyz: [f64; 4],
 }
 
@@ -173,6 +177,7 @@ impl FrameRecord {
         Self {
             version: env!("CARGO_PKG_VERSION"),
             pose: PoseRecord::from(pose),
+            needle: None,
             quality: *settings,
             chosen: None,
             simulated: SimulatedRecord::new(settings, plan),
@@ -192,6 +197,12 @@ impl FrameRecord {
             times: frame.times.clone(),
             adapter,
         }
+    }
+
+    /// Stores the needle's pose. A pointer is stored, too, though the frame doesn't show it.
+    pub fn set_needle(&mut self, needle: Option<&Needle>) {
+        let in_station = needle.filter(|_| self.quality.needle.is_some());
+        self.needle = in_station.map(|needle| PoseRecord::from(&needle.scene_from_needle));
     }
 }
 

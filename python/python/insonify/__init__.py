@@ -24,9 +24,22 @@ from ._errors import (
     SceneError,
     StationError,
 )
+from ._exercise import (
+    Ball,
+    Deduction,
+    Exercise,
+    ExercisePlan,
+    Moment,
+    NeedleEvent,
+    NeedleSample,
+    NeedleScore,
+    NeedleSession,
+    NeedleStep,
+)
 from ._frame import Frame
 from ._generator import Generator
 from ._insonify import __version__
+from ._needle import Needle, NeedleLike
 from ._plan import Decision, EffectPlan
 from ._planes import Offset, StandardPlane, StandardPlanes, Tolerances, Touch, View
 from ._pose import Pose, PoseLike
@@ -36,10 +49,14 @@ from ._station import Job, Quality, Station
 
 __all__ = [
     "BackendError",
+    "Ball",
     "Dataset",
     "DatasetError",
     "Decision",
+    "Deduction",
     "EffectPlan",
+    "Exercise",
+    "ExercisePlan",
     "Frame",
     "Generator",
     "GeneratorError",
@@ -51,6 +68,14 @@ __all__ = [
     "Made",
     "MeshLike",
     "MissingFileError",
+    "Moment",
+    "Needle",
+    "NeedleEvent",
+    "NeedleLike",
+    "NeedleSample",
+    "NeedleScore",
+    "NeedleSession",
+    "NeedleStep",
     "Offset",
     "Pose",
     "PoseError",

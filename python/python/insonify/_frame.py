@@ -25,7 +25,13 @@ class Frame:
     """
 
     def __init__(
-        self, still: _insonify.Still, pose: Pose, seed: int | None, time_s: float, tissues: tuple[str, ...]
+        self,
+        still: _insonify.Still,
+        pose: Pose,
+        needle: Pose | None,
+        seed: int | None,
+        time_s: float,
+        tissues: tuple[str, ...],
     ) -> None:
         self.bmode: NDArray[np.uint8] = still.bmode
         """Grey levels [height, width]; 0 outside the sector."""
@@ -36,6 +42,8 @@ class Frame:
         self._lines = still.lines
         self.pose: Pose = pose
         """Pose that was asked for."""
+        self.needle: Pose | None = needle
+        """Pose of the needle; None for a frame without one."""
         self.time_s: float = time_s
         """Time of the scene's motion, s."""
         self.tissues: tuple[str, ...] = tissues

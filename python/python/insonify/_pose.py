@@ -1,4 +1,4 @@
-"""Poses of the probe."""
+"""Poses of the tools."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ _ORTHONORMAL = 1e-4
 
 
 class Pose:
-    """Pose of the probe in the scene, `scene_from_probe`.
+    """Pose of a tool in the scene, `scene_from_probe` or `scene_from_needle`.
 
-    The probe's z axis looks into the body, x runs along the scanlines' fan, y across the image plane.
+    The probe's origin is the centre of its face. Its z axis looks into the body, x runs along the scanlines' fan, y
+    across the image plane. The needle's origin is its tip. Its z axis runs along the shaft from hub to tip, x to the
+    side that the bevel's facet faces.
 
     >>> Pose((0, -58, 77), (0, 1, 0, 0))
     Pose(position_mm=(0.0, -58.0, 77.0), quaternion_wxyz=(0.0, 1.0, 0.0, 0.0))
@@ -35,18 +37,18 @@ class Pose:
         position_mm: Sequence[SupportsFloat] | NDArray[Any] = (0.0, 0.0, 0.0),
         quaternion_wxyz: Sequence[SupportsFloat] | NDArray[Any] = (1.0, 0.0, 0.0, 0.0),
     ) -> None:
-        """Centre of the probe's face in mm, and the unit quaternion w, x, y, z that turns probe axes into scene axes."""
+        """Origin of the tool in mm, and the unit quaternion w, x, y, z that turns the tool's axes into scene axes."""
         numbers = _numbers(position_mm, 3, "position_mm") + _numbers(quaternion_wxyz, 4, "quaternion_wxyz")
         self._components = _insonify.checked_pose(numbers)
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
-        """Centre of the probe's face in the scene, mm."""
+        """Origin of the tool in the scene, mm."""
         return self._components[:3]
 
     @property
     def quaternion_wxyz(self) -> tuple[float, float, float, float]:
-        """Unit quaternion that turns probe axes into scene axes."""
+        """Unit quaternion that turns the tool's axes into scene axes."""
         return self._components[3:]
 
     @property
@@ -56,7 +58,7 @@ class Pose:
 
     @property
     def matrix(self) -> NDArray[np.float64]:
-        """4 × 4 matrix that takes points of the probe's frame to the scene, both in mm."""
+        """4 × 4 matrix that takes points of the tool's frame to the scene, both in mm."""
         w, x, y, z = self.quaternion_wxyz
         matrix = np.eye(4)
         matrix[:3, :3] = [
@@ -85,12 +87,29 @@ class Pose:
 
     @classmethod
     def from_rotation(cls, position_mm: Sequence[SupportsFloat] | NDArray[Any], rotation: Rotation) -> Pose:
-        """Pose of a position in mm and a rotation of SciPy, which turns probe axes into scene axes."""
+        """Pose of a position in mm and a rotation of SciPy, which turns the tool's axes into scene axes."""
         quaternion = np.asarray(rotation.as_quat(), dtype=np.float64)
         if quaternion.shape != (4,):
             raise PoseError(f"the rotation has the shape {quaternion.shape[:-1]}; it must be a single rotation")
         x, y, z, w = quaternion.tolist()
         return cls(position_mm, (w, x, y, z))
+
+    @classmethod
+    def looking(
+        cls,
+        position_mm: Sequence[SupportsFloat] | NDArray[Any],
+        direction: Sequence[SupportsFloat] | NDArray[Any],
+        lateral: Sequence[SupportsFloat] | NDArray[Any] = (1.0, 0.0, 0.0),
+    ) -> Pose:
+        """Pose whose z axis points along `direction`: into the body for a probe, from hub to tip for a needle.
+
+        The x axis is as close as possible to `lateral`.
+
+        >>> Pose.looking((0, 0, 30), (0, 0, 2)) == Pose((0, 0, 30))
+        True
+        """
+        numbers = [_numbers(position_mm, 3, "position_mm"), _numbers(direction, 3, "direction")]
+        return _of(_insonify.looking_pose(*numbers, _numbers(lateral, 3, "lateral")))
 
     def rotation(self) -> Rotation:
         """The rotation as one of SciPy, which must be installed."""
@@ -104,7 +123,7 @@ class Pose:
         return _of(_insonify.inverse_pose(self._components))
 
     def __matmul__(self, other: Pose) -> Pose:
-        """`a_from_c` of `a_from_b @ b_from_c`: a pose moved in the probe's own frame."""
+        """`a_from_c` of `a_from_b @ b_from_c`: a pose moved in the tool's own frame."""
         if not isinstance(other, Pose):
             return NotImplemented
         return _of(_insonify.pose_product(self._components, other._components))

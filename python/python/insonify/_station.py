@@ -15,7 +15,9 @@ import numpy as np
 from . import _insonify
 from ._data import StrPath, station_file
 from ._errors import InputError
+from ._exercise import Exercise
 from ._frame import Frame
+from ._needle import Needle, NeedleLike, as_needle, needle_argument, needle_of, shown_needle
 from ._plan import EffectPlan
 from ._planes import StandardPlanes
 from ._pose import Pose, PoseLike, as_pose
@@ -41,6 +43,8 @@ class Job:
     """Seed of the paths and the noise."""
     time_s: float | None = None
     """Time of the scene's motion."""
+    needle: NeedleLike | None = None
+    """Pose of the needle, or False for a frame without it."""
 
 
 class Station:
@@ -65,6 +69,7 @@ class Station:
         """
         self._core = _insonify.Station.load(station_file(source))
         self._planes: StandardPlanes | None = None
+        self._exercise: Exercise | None = None
         self._tissues: tuple[str, ...] = ()
         if scene is not None or backend is not None:
             tables, path = self._core.tables(), self._core.path
@@ -112,6 +117,7 @@ class Station:
 
     def _changed(self) -> None:
         self._planes = None
+        self._exercise = None
         self._tissues = ("outside", *self._core.tissue_names())
 
     def set(self, **settings: Any) -> None:
@@ -147,7 +153,7 @@ class Station:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Settings in force, by table: probe, image, quality, look, contact, receiver."""
+        """Settings in force, by table: probe, image, quality, look, contact, receiver, needle."""
         settings: dict[str, Any] = json.loads(self._core.settings_json())
         return settings
 
@@ -179,6 +185,19 @@ class Station:
             self._planes = StandardPlanes(self._core.planes())
         return self._planes
 
+    @property
+    def needle(self) -> Needle | None:
+        """The needle of the station's table `needle`, None without one; `set(needle=pose)` moves it."""
+        return needle_of(self._core)
+
+    @property
+    def exercise(self) -> Exercise | None:
+        """The exercise of the station's table `exercise` in its scene, None without one."""
+        if self._exercise is None:
+            core = self._core.exercise()
+            self._exercise = None if core is None else Exercise(core)
+        return self._exercise
+
     def plan(self, *, quality: Quality | None = None) -> EffectPlan:
         """Effects that the scene calls for, and why."""
         return EffectPlan(*self._core.plan(_quality(quality)))
@@ -191,6 +210,7 @@ class Station:
         self,
         pose: PoseLike | None = None,
         *,
+        needle: NeedleLike | None = None,
         quality: Quality | None = None,
         seed: int | None = None,
         time_s: float = 0.0,
@@ -199,18 +219,21 @@ class Station:
     ) -> Frame:
         """Renders a frame, as `insonify render` does on the same device, bit for bit.
 
-        Without a pose, quality or seed the station's own is used. `maps` are segmentation and attenuation, `lines` the
-        complex baseband.
+        Without a pose, needle, quality or seed the station's own is used. `needle` is the pose of the station's needle,
+        or False for a frame without it. `maps` are segmentation and attenuation, `lines` the complex baseband.
         """
-        placed = self._placed(pose)
+        placed, tool = self._placed(pose), as_needle(needle)
         seed = _seed(seed)
-        still = self._core.render(placed.components, _quality(quality), seed, float(time_s), bool(maps), bool(lines))
-        return Frame(still, placed, seed, float(time_s), self._tissues)
+        still = self._core.render(
+            placed.components, needle_argument(tool), _quality(quality), seed, float(time_s), bool(maps), bool(lines)
+        )
+        return Frame(still, placed, shown_needle(tool, self.needle), seed, float(time_s), self._tissues)
 
     def render_many(
         self,
         poses: Iterable[PoseLike | Job],
         *,
+        needle: NeedleLike | None = None,
         quality: Quality | None = None,
         seed: int | None = None,
         time_s: float = 0.0,
@@ -225,17 +248,19 @@ class Station:
         """
         if ahead < 1:
             raise InputError(f"ahead is {ahead}; it must be at least 1")
-        tissues, stream = self._tissues, self._core.stream()
-        waiting: list[tuple[Pose, int | None, float]] = []
+        tissues, own_needle, stream = self._tissues, self.needle, self._core.stream()
+        waiting: list[tuple[Pose, Pose | None, int | None, float]] = []
         try:
             for given in poses:
                 job = given if isinstance(given, Job) else Job(given)
-                placed = as_pose(job.pose)
+                placed, tool = as_pose(job.pose), as_needle(needle if job.needle is None else job.needle)
                 own_seed = _seed(seed if job.seed is None else job.seed)
                 own_time = float(time_s if job.time_s is None else job.time_s)
                 own_quality = _quality(quality if job.quality is None else job.quality)
-                stream.push(placed.components, own_quality, own_seed, own_time, bool(maps), bool(lines))
-                waiting.append((placed, own_seed, own_time))
+                stream.push(
+                    placed.components, needle_argument(tool), own_quality, own_seed, own_time, bool(maps), bool(lines)
+                )
+                waiting.append((placed, shown_needle(tool, own_needle), own_seed, own_time))
                 if len(waiting) > ahead:
                     yield Frame(stream.next(), *waiting.pop(0), tissues)
             while waiting:

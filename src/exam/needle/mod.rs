@@ -1,7 +1,7 @@
 //! Exercises with a tracked needle: definition, score, and a simulated hand.
 //!
 //! [`Exercise`] says what is to be reached and what is to be spared. [`score`] judges [`Sample`]s of a session against it;
-//! [`hand`] makes samples of an expert or a novice.
+//! [`NeedleFollower`] takes them one by one, while the session goes on. [`hand`] makes samples of an expert or a novice.
 
 mod elevation;
 mod exercise;
@@ -10,6 +10,7 @@ mod passes;
 mod points;
 mod sample;
 mod score;
+mod target;
 mod track;
 
 pub use elevation::{ElevationalProfile, GaussianSlice};
@@ -18,7 +19,8 @@ pub(crate) use points::POINTS;
 pub use points::{Criterion, Deduction};
 pub use sample::Sample;
 pub use score::{NeedleScore, score};
-pub use track::{Moment, NeedleEvent, NeedleReference, NeedleTrack, TipInSlice};
+pub use target::TargetDistance;
+pub use track::{Moment, NeedleEvent, NeedleFollower, NeedleReference, NeedleTrack, TipInSlice};
 
 #[cfg(test)]
 mod tests;

@@ -9,8 +9,9 @@ use super::exercise::Region;
 use super::passes::{Passes, passes};
 use super::points::{Deduction, POINTS, Values, deductions, points};
 use super::sample::Sample;
+use super::target::TargetDistance;
 use super::track::{Moment, NeedleEvent, NeedleReference, NeedleTrack};
-use crate::anatomy::{Bvh, BvhError, Skin};
+use crate::anatomy::BvhError;
 use crate::needle::TipEventKind;
 
 /// Interval over which positions are averaged before paths are measured, s. It suppresses tremor.
@@ -69,6 +70,43 @@ pub struct NeedleScore {
 }
 
 impl NeedleScore {
+    /// Judges the way of the tip in a session, which may still go on.
+    ///
+    /// # Errors
+    /// The scene has no triangles, or too many coincident ones.
+    pub fn of(track: &NeedleTrack, reference: &NeedleReference<'_>) -> Result<Self, BvhError> {
+        let mut score = Self {
+            exercise: reference.exercise.name.clone(),
+            points: None,
+            not_judged: None,
+            deductions: Vec::new(),
+            entry: track.entry,
+            entry_surface: None,
+            right_entry: None,
+            reached: track.reached,
+            time_to_target_s: None,
+            tissue_s: (0..track.time_s.len())
+                .filter(|&i| track.in_tissue[i])
+                .fold(0.0, |all, i| all + track.lasts_s(i)),
+            path_mm: 0.0,
+            straightness: 1.0,
+            angle_deg: None,
+            offset_mm: None,
+            visible: 0.0,
+            visible_at_end: false,
+            passes: 0,
+            sideways_mm: 0.0,
+            final_mm: 0.0,
+            events: track.events.clone(),
+        };
+        match track.entry {
+            None if track.time_s.is_empty() => score.not_judged = Some("the session has no pose of the needle"),
+            None => score.not_judged = Some("the tip of the needle was never in a surface of the scene"),
+            Some(entry) => judge(&mut score, track, entry, reference)?,
+        }
+        Ok(score)
+    }
+
     /// Punctures of forbidden surfaces.
     pub fn forbidden(&self) -> impl Iterator<Item = &NeedleEvent> {
         self.events.iter().filter(|event| event.is_forbidden_puncture())
@@ -81,34 +119,7 @@ impl NeedleScore {
 /// The scene has no triangles, or too many coincident ones.
 pub fn score(samples: &[Sample], reference: &NeedleReference<'_>) -> Result<(NeedleScore, NeedleTrack), BvhError> {
     let track = NeedleTrack::of(samples, reference)?;
-    let mut score = NeedleScore {
-        exercise: reference.exercise.name.clone(),
-        points: None,
-        not_judged: None,
-        deductions: Vec::new(),
-        entry: track.entry,
-        entry_surface: None,
-        right_entry: None,
-        reached: track.reached,
-        time_to_target_s: None,
-        tissue_s: (0..track.time_s.len()).filter(|&i| track.in_tissue[i]).fold(0.0, |all, i| all + track.lasts_s(i)),
-        path_mm: 0.0,
-        straightness: 1.0,
-        angle_deg: None,
-        offset_mm: None,
-        visible: 0.0,
-        visible_at_end: false,
-        passes: 0,
-        sideways_mm: 0.0,
-        final_mm: 0.0,
-        events: track.events.clone(),
-    };
-    match track.entry {
-        None if track.time_s.is_empty() => score.not_judged = Some("the session has no pose of the needle"),
-        None => score.not_judged = Some("the tip of the needle was never in a surface of the scene"),
-        Some(entry) => judge(&mut score, &track, entry, reference)?,
-    }
-    Ok((score, track))
+    Ok((NeedleScore::of(&track, reference)?, track))
 }
 
 /// Fills in all values that need an entry.
@@ -141,7 +152,8 @@ fn judge(
         (Region::Surface(_), None) => end.position_mm,
     };
     score.sideways_mm = way.iter().map(|point| from_line_mm(*point, entry.position_mm, aim_mm)).fold(0.0, f64::max);
-    score.final_mm = from_target_mm(last_pass.position_mm, reference)?;
+    let target = TargetDistance::of(&reference.exercise.target, reference.scene)?;
+    score.final_mm = target.distance_mm(last_pass.position_mm);
 
     let whole_s: f64 = attempt.clone().map(|i| track.lasts_s(i)).sum();
     let seen = |i: usize| Some((track.lasts_s(i), (*track.slice.get(i)?)?));
@@ -200,22 +212,6 @@ fn way(track: &NeedleTrack, attempt: std::ops::Range<usize>, entry: Moment, end:
 fn from_line_mm(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let from_a = point - a;
     (b - a).try_normalize().map_or(from_a.length(), |along| from_a.reject_from_normalized(along).length())
-}
-
-/// Distance of a point from the target, mm; 0 inside. Surfaces are at rest.
-fn from_target_mm(point_mm: DVec3, reference: &NeedleReference<'_>) -> Result<f64, BvhError> {
-    let target = &reference.exercise.target;
-    if let Region::Ball { centre_mm, radius_mm } = target {
-        return Ok((point_mm.distance(*centre_mm) - radius_mm).max(0.0));
-    }
-    let surfaces = &reference.scene.surfaces;
-    let windings = Bvh::build(reference.scene)?.windings(point_mm, surfaces.len());
-    let is_target = |i: &usize| target.is_surface(&surfaces[*i].name);
-    if (0..surfaces.len()).filter(is_target).any(|i| windings[i] != 0) {
-        return Ok(0.0);
-    }
-    let corners = (0..surfaces.len()).filter(is_target).flat_map(|i| surfaces[i].mesh.corners_mm());
-    Ok(Skin::of_triangles(corners)?.distance_mm(point_mm))
 }
 
 impl fmt::Display for NeedleScore {

@@ -73,7 +73,7 @@ pub struct Moment {
 }
 
 /// Way of the tip; each list has an entry for each sample with a needle.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct NeedleTrack {
     /// Time since the session's start, s.
     pub time_s: Vec<f64>,
@@ -102,25 +102,11 @@ impl NeedleTrack {
     /// # Errors
     /// Errors of [`TipWatch::new`].
     pub fn of(samples: &[Sample], reference: &NeedleReference<'_>) -> Result<Self, BvhError> {
-        let mut watch = TipWatch::new(reference.scene)?;
-        let mut track = Self {
-            time_s: Vec::new(),
-            tip_mm: Vec::new(),
-            advance_mm: Vec::new(),
-            in_tissue: Vec::new(),
-            slice: Vec::new(),
-            events: Vec::new(),
-            entry: None,
-            reached: None,
-            probe: None,
-        };
+        let mut follower = NeedleFollower::new(TipWatch::new(reference.scene)?);
         for sample in samples {
-            let Some(needle) = sample.needle.filter(|needle| needle.tip_mm().is_finite()) else { continue };
-            watch.set_scene_time_s(sample.time_s);
-            let events = watch.advance(sample.time_s, needle.tip_mm());
-            track.add(sample, &needle, &events, watch.medium(), reference);
+            follower.advance(sample, reference);
         }
-        Ok(track)
+        Ok(follower.track)
     }
 
     fn add(
@@ -156,6 +142,37 @@ impl NeedleTrack {
     pub(super) fn lasts_s(&self, index: usize) -> f64 {
         let next_s = self.time_s.get(index + 1).zip(self.time_s.get(index));
         next_s.map_or(0.0, |(next, here)| (next - here).clamp(0.0, GAP_S))
+    }
+}
+
+/// Follows a session sample by sample.
+#[derive(Debug, Clone)]
+pub struct NeedleFollower {
+    watch: TipWatch,
+    track: NeedleTrack,
+}
+
+impl NeedleFollower {
+    /// Follower of a session that begins. `watch` is new, in the scene of the references to come.
+    pub fn new(watch: TipWatch) -> Self {
+        Self { watch, track: NeedleTrack::default() }
+    }
+
+    /// Adds a sample, which is no earlier than the last one. Returns the crossings of surfaces since then. A sample
+    /// without a needle, or with a tip that is not finite, adds nothing. The reference is the same in each call.
+    pub fn advance(&mut self, sample: &Sample, reference: &NeedleReference<'_>) -> &[NeedleEvent] {
+        let known = self.track.events.len();
+        if let Some(needle) = sample.needle.filter(|needle| needle.tip_mm().is_finite()) {
+            self.watch.set_scene_time_s(sample.time_s);
+            let events = self.watch.advance(sample.time_s, needle.tip_mm());
+            self.track.add(sample, &needle, &events, self.watch.medium(), reference);
+        }
+        self.track.events.get(known..).unwrap_or_default()
+    }
+
+    /// The way of the tip so far.
+    pub fn track(&self) -> &NeedleTrack {
+        &self.track
     }
 }
 

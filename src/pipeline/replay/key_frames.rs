@@ -200,7 +200,8 @@ impl KeyFrames<'_> {
         row.push(attenuation.with_note(format!("1 = {:.3}", high.attenuation_p98)));
         let (adapter, sector) = ((*backend).into(), hq.renderer.sector());
         let plan = hq.renderer.plan();
-        let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
+        let mut record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
+        record.set_needle(key.needle.as_ref());
         FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;
         Ok((row, scores))
     }

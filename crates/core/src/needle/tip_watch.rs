@@ -8,6 +8,8 @@
 //! vessel wall, is entered and left without an event of the outer one; and a surface that is hidden by others where the
 //! tip crosses it has no event.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::anatomy::{Bvh, BvhError, Scene};
@@ -78,7 +80,8 @@ struct Place {
 /// Follows the tip of a needle through the surfaces of a scene.
 #[derive(Debug, Clone)]
 pub struct TipWatch {
-    bvh: Bvh,
+    /// Tree of the scene, which others may share until it moves.
+    bvh: Arc<Bvh>,
     surfaces: Vec<Watched>,
     last: Option<Place>,
 }
@@ -89,14 +92,20 @@ impl TipWatch {
     /// # Errors
     /// Errors of [`Bvh::build`].
     pub fn new(scene: &Scene) -> Result<Self, BvhError> {
-        let surfaces = vec![Watched::default(); scene.surfaces.len()];
-        Ok(Self { bvh: Bvh::build(scene)?, surfaces, last: None })
+        Ok(Self::with_bvh(scene, Arc::new(Bvh::build(scene)?)))
+    }
+
+    /// Watch of the tip in `scene`, whose tree exists already. If the scene moves, the watch copies the tree.
+    pub fn with_bvh(scene: &Scene, bvh: Arc<Bvh>) -> Self {
+        Self { bvh, surfaces: vec![Watched::default(); scene.surfaces.len()], last: None }
     }
 
     /// Moves the surfaces of a scene with motion to their places at `time_s` of the scene. A surface that moves over
     /// the tip is entered or left in the next step.
     pub fn set_scene_time_s(&mut self, time_s: f64) {
-        self.bvh.set_time_s(time_s);
+        if self.bvh.moves() {
+            Arc::make_mut(&mut self.bvh).set_time_s(time_s);
+        }
     }
 
     /// Forgets the position of the tip. The next position starts a new way; the numbers of punctures are kept.

@@ -66,9 +66,14 @@ impl NeedleSettings {
         (outer_mm, inner_mm)
     }
 
+    /// Outer diameter of the shaft, mm.
+    pub fn diameter_mm(&self) -> f64 {
+        self.diameters_mm().0
+    }
+
     /// Outer radius of the shaft, mm.
     pub fn radius_mm(&self) -> f64 {
-        0.5 * self.diameters_mm().0
+        0.5 * self.diameter_mm()
     }
 
     /// Diameter of the lumen, mm.
@@ -90,7 +95,7 @@ mod tests {
     fn gauges_have_the_diameters_of_the_standard() {
         for (gauge, outer_mm) in [(18, 1.27), (20, 0.91), (22, 0.72), (25, 0.51)] {
             let needle = NeedleSettings { gauge, ..NeedleSettings::default() };
-            assert!((2.0 * needle.radius_mm() - outer_mm).abs() < 1e-12, "{gauge}");
+            assert_eq!((needle.diameter_mm(), 2.0 * needle.radius_mm()), (outer_mm, outer_mm), "{gauge}");
             assert!(needle.bore_mm() < outer_mm);
         }
         assert!(DIAMETERS_MM.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1 && pair[1].1 < pair[0].1));

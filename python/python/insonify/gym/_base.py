@@ -1,10 +1,11 @@
-"""What both environments share: a probe that moves in small steps, and its picture."""
+"""What the environments share: tools that move in small steps, and the picture."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -19,6 +20,9 @@ from .._station import Quality, Station
 
 Observation = NDArray[np.uint8]
 Action = NDArray[np.float32]
+
+# Depth of the face in the skin, mm, as at the poses of planes.
+_PRESS_MM = 2.5
 
 # Attenuation spans ten decades; its fourth root fits 8 bits, as in data sets.
 _ATTENUATION_POWER = 0.25
@@ -36,6 +40,10 @@ class RewardWeights:
     """Taken for each step off the skin."""
     found: float = 10.0
     """Given once, at the end of an episode that reached its aim."""
+    hidden: float = 5.0
+    """Taken from that if the picture does not show the needle's tip at the end."""
+    forbidden: float = 10.0
+    """Taken for a puncture of a surface that the exercise forbids, which ends the episode."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,29 @@ class Steps:
     """Displacement along each axis."""
     deg: float
     """Rotation about each axis."""
+
+
+class Measured(NamedTuple):
+    """An episode after a step."""
+
+    error: float
+    """Error whose fall is rewarded."""
+    found: bool
+    """Whether the aim is reached, which ends the episode."""
+    measures: dict[str, Any]
+    """Measures for `info`."""
+    extra: float = 0.0
+    """Further reward."""
+    failed: bool = False
+    """Whether a failure ends the episode."""
+
+
+@cache
+def shared_station(name: str) -> Station:
+    """A station whose scene stays loaded: environments, and processes that are forked, share its memory."""
+    station = Station(name)
+    station.prepare()
+    return station
 
 
 class ProbeEnv(gymnasium.Env[Observation, Action]):
@@ -83,15 +114,15 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
         """Pose at the beginning of an episode, drawn from `np_random`."""
 
     @abstractmethod
-    def _moved(self, action: Action) -> Pose:
-        """Pose after an action."""
+    def _move(self, action: Action) -> float:
+        """Does an action; returns the path, mm."""
 
     @abstractmethod
-    def _measure(self) -> tuple[float, bool, dict[str, Any]]:
-        """Error that the reward sees, whether the aim is reached, and measures for `info`."""
+    def _measure(self) -> Measured:
+        """The episode as it is now."""
 
-    def _touch(self) -> Touch | None:
-        """Contact with the skin; None for a scene without one."""
+    def _touch(self, pose: Pose) -> Touch | None:
+        """Contact of a probe with the skin; None if it doesn't count."""
         return None
 
     def reset(
@@ -101,27 +132,26 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
         super().reset(seed=seed)
         self._pose = self._start()
         self._path_mm = 0.0
-        self._error, _, measures = self._measure()
-        return self._observe(), self._info(measures)
+        measured = self._measure()
+        self._error = measured.error
+        return self._observe(), self._info(measured.measures)
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Moves the probe and renders."""
+        """Does an action and renders."""
         wanted = np.asarray(action, dtype=np.float32)
         if wanted.shape != self.action_space.shape or not np.isfinite(wanted).all():
             raise InputError(f"the action is {action!r}; it must be {self.action_space.shape} finite numbers")
-        before = np.array(self._pose.position_mm)
-        self._pose = self._moved(np.clip(wanted, -1.0, 1.0))
-        way_mm = float(np.linalg.norm(np.array(self._pose.position_mm) - before))
+        way_mm = self._move(np.clip(wanted, -1.0, 1.0))
         self._path_mm += way_mm
-        error, found, measures = self._measure()
-        touch = self._touch()
-        reward = self.weights.progress * (self._error - error) - self.weights.path_per_mm * way_mm
+        error, found, measures, extra, failed = self._measure()
+        touch = self._touch(self._pose)
+        reward = self.weights.progress * (self._error - error) - self.weights.path_per_mm * way_mm + extra
         if touch is not None and not touch.on_skin:
             reward -= self.weights.off_skin
         if found:
             reward += self.weights.found
         self._error = error
-        return self._observe(), reward, found, False, self._info(measures)
+        return self._observe(), reward, found or failed, False, self._info(measures)
 
     def render(self) -> NDArray[np.uint8] | None:
         """The last picture, grey levels as colours [height, width, 3]."""
@@ -130,13 +160,22 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
         return np.repeat(self._frame.bmode[:, :, None], 3, axis=2)
 
     def _twisted(self, pose: Pose, twist: NDArray[np.floating[Any]]) -> Pose:
-        """`pose` moved in the probe's own frame: three displacements and three rotations, -1 to 1."""
+        """`pose` moved in the tool's own frame: three displacements and three rotations, -1 to 1."""
         turn = np.deg2rad(self._steps.deg) * twist[3:]
         return pose @ Pose(self._steps.mm * twist[:3], quaternion(turn))
 
+    def _pressed(self, pose: Pose) -> Pose:
+        """The pose along its axis on the skin."""
+        touch = self._touch(pose)
+        press_mm = None if touch is None else touch.press_mm
+        return pose if press_mm is None else pose @ Pose((0, 0, _PRESS_MM - press_mm))
+
+    def _rendered(self, seed: int) -> Frame:
+        """The frame that an observation shows."""
+        return self.station.render(self._pose, quality=self._quality, seed=seed, maps=self._maps, lines=False)
+
     def _observe(self) -> Observation:
-        seed = int(self.np_random.integers(0, 2**32))
-        frame = self.station.render(self._pose, quality=self._quality, seed=seed, maps=self._maps, lines=False)
+        frame = self._rendered(int(self.np_random.integers(0, 2**32)))
         self._frame = frame
         if not self._maps:
             return frame.bmode[:, :, None]
@@ -144,9 +183,21 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
         return np.stack([frame.bmode, frame.segmentation, attenuation], axis=2)
 
     def _info(self, measures: dict[str, Any]) -> dict[str, Any]:
-        touch = self._touch()
+        touch = self._touch(self._pose)
         contact = {} if touch is None else {"on_skin": touch.on_skin, "contact": touch.part}
         return {**measures, **contact, "path_mm": self._path_mm, "pose": np.array(self._pose.components)}
+
+
+def moved_mm(before: Pose, after: Pose) -> float:
+    """Distance between the origins of two poses."""
+    return float(np.linalg.norm(np.array(after.position_mm) - np.array(before.position_mm)))
+
+
+def within(pose: Pose, home: Pose, reach_mm: float, reach_deg: float) -> bool:
+    """Whether a pose is at most so far from another, and turned by at most so much."""
+    way = home.inverse() @ pose
+    turn = float(np.linalg.norm(rotation_vector(way)))
+    return moved_mm(home, pose) <= reach_mm and turn <= np.deg2rad(reach_deg)
 
 
 def quaternion(rotation: NDArray[np.floating[Any]]) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ from .._errors import InputError
 from .._pose import Pose
 from .._scene import Scene
 from .._station import Quality, Station
-from ._base import Action, ProbeEnv, RewardWeights, Steps
+from ._base import Action, Measured, ProbeEnv, RewardWeights, Steps, moved_mm
 
 _MARK_MM = (0.0, 0.0, 55.0)
 _MARK_RADIUS_MM = 10.0
@@ -107,13 +107,15 @@ class ReachEnv(ProbeEnv):
             if np.hypot(x, y) > 3 * self._near_mm:
                 return Pose((x, y, 0))
 
-    def _moved(self, action: Action) -> Pose:
-        x, y, _ = self._pose.position_mm
+    def _move(self, action: Action) -> float:
+        before = self._pose
+        x, y, _ = before.position_mm
         way = np.array([x, y]) + self._steps.mm * action.astype(np.float64)
         x, y = np.clip(way, -_REACH_MM, _REACH_MM)
-        return Pose((x, y, 0))
+        self._pose = Pose((x, y, 0))
+        return moved_mm(before, self._pose)
 
-    def _measure(self) -> tuple[float, bool, dict[str, Any]]:
+    def _measure(self) -> Measured:
         x, y, _ = self._pose.position_mm
         distance_mm = float(np.hypot(x - _MARK_MM[0], y - _MARK_MM[1]))
-        return distance_mm / _SCALE_MM, distance_mm <= self._near_mm, {"distance_mm": distance_mm}
+        return Measured(distance_mm / _SCALE_MM, distance_mm <= self._near_mm, {"distance_mm": distance_mm})

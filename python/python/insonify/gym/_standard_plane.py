@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,21 +10,21 @@ from .._errors import InputError
 from .._planes import Offset, StandardPlanes, Touch
 from .._pose import Pose
 from .._station import Quality, Station
-from ._base import Action, ProbeEnv, RewardWeights, Steps, quaternion, rotation_vector
-
-# Depth of the face in the skin, mm, as at the poses of planes.
-_PRESS_MM = 2.5
+from ._base import (
+    Action,
+    Measured,
+    ProbeEnv,
+    RewardWeights,
+    Steps,
+    quaternion,
+    rotation_vector,
+    shared_station,
+    moved_mm,
+    within,
+)
 
 # An error beyond so many tolerances is no worse.
 _ERROR_MAX = 20.0
-
-
-@cache
-def _shared(name: str) -> Station:
-    """A station whose scene stays loaded: environments, and processes that are forked, share its memory."""
-    station = Station(name)
-    station.prepare()
-    return station
 
 
 class StandardPlaneEnv(ProbeEnv):
@@ -64,7 +63,7 @@ class StandardPlaneEnv(ProbeEnv):
             raise InputError(f"action is {action!r}; it must be 'twist' or 'pose'")
         if not steps_per_s > 0:
             raise InputError(f"steps_per_s is {steps_per_s}; it must be above 0")
-        base = _shared(station) if isinstance(station, str) else station
+        base = shared_station(station) if isinstance(station, str) else station
         small = base.copy(width=size[1], height=size[0], scanlines=64, samples=640)
         super().__init__(small, 6, Steps(step_mm, step_deg), quality, maps, weights or RewardWeights(), render_mode)
         self._planes: StandardPlanes = small.planes
@@ -86,15 +85,16 @@ class StandardPlaneEnv(ProbeEnv):
             direction = self.np_random.uniform(-1, 1, 2)
             turn = np.deg2rad(deg) * self.np_random.uniform(-1, 1, 3)
             moved = self._home @ Pose((mm * direction[0], mm * direction[1], 0), quaternion(turn))
-            pose = self._pressed(moved, always=True)
-            if self._planes.touch(pose).on_skin:
+            pose = self._pressed(moved)
+            if self._touch(pose).on_skin:
                 break
         else:
             pose = self._home
         self._start_pose = pose
         return pose
 
-    def _moved(self, action: Action) -> Pose:
+    def _move(self, action: Action) -> float:
+        before = self._pose
         if self._absolute:
             mm, deg = self._reach
             target = self._start_pose @ Pose(mm * action[:3], quaternion(np.deg2rad(deg) * action[3:]))
@@ -105,23 +105,18 @@ class StandardPlaneEnv(ProbeEnv):
             twist = twist / max(1.0, float(np.abs(twist).max()))
         else:
             twist = action.astype(np.float64)
-        pose = self._pressed(self._twisted(self._pose, twist))
-        way = self._home.inverse() @ pose
-        too_far = float(np.linalg.norm(way.position_mm)) > self._reach[0]
-        turned = float(np.linalg.norm(rotation_vector(way))) > np.deg2rad(self._reach[1])
-        return self._pose if too_far or turned else pose
+        pose = self._twisted(before, twist)
+        pose = self._pressed(pose) if self._on_skin else pose
+        if within(pose, self._home, *self._reach):
+            self._pose = pose
+        return moved_mm(before, self._pose)
 
-    def _pressed(self, pose: Pose, always: bool = False) -> Pose:
-        """The pose along its axis on the skin."""
-        press_mm = self._planes.touch(pose).press_mm if self._on_skin or always else None
-        return pose if press_mm is None else pose @ Pose((0, 0, _PRESS_MM - press_mm))
+    def _touch(self, pose: Pose) -> Touch:
+        return self._planes.touch(pose)
 
-    def _touch(self) -> Touch:
-        return self._planes.touch(self._pose)
-
-    def _measure(self) -> tuple[float, bool, dict[str, Any]]:
+    def _measure(self) -> Measured:
         offset = self._plane.offset(self._pose)
-        self._held = self._held + 1 if offset.shown and self._touch().on_skin else 0
+        self._held = self._held + 1 if offset.shown and self._touch(self._pose).on_skin else 0
         measures = {
             "angle_deg": offset.angle_deg,
             "distance_mm": offset.distance_mm,
@@ -129,7 +124,7 @@ class StandardPlaneEnv(ProbeEnv):
             "held": self._held,
         }
         # The start counts as a moment, a second has one more of them than steps.
-        return self._tolerances_off(offset), self._held > self._hold_steps, measures
+        return Measured(self._tolerances_off(offset), self._held > self._hold_steps, measures)
 
     def _tolerances_off(self, offset: Offset) -> float:
         limits = self._plane.tolerances
