@@ -63,7 +63,7 @@ def test_frames_are_those_of_the_command(case: int, tmp_path: Path, run_program:
     station = insonify.Station(EXERCISES[case % 2], **FAST)
     station.set(look={"angles": int(random.choice([1, 3]))})
     assert station.pose is not None and station.needle is not None and station.needle.pose is not None
-    pose, needle = turned(station.pose, random, 3, 4), turned(station.needle.pose, random, 4, 10)
+    pose, needle = turned(station.pose, random, 1, 4), turned(station.needle.pose, random, 1, 10)
     placed = station.copy(needle=needle, pose=pose)
     file = write_station(tmp_path / "station.toml", absolute(placed))
     out = tmp_path / "out"
@@ -79,7 +79,7 @@ def test_frames_are_those_of_the_command(case: int, tmp_path: Path, run_program:
         assert made.needle == needle
         record = json.loads((out / "frame.json").read_text())
         assert made.record["needle"] == record["needle"] and record["needle"]["position_mm"] == list(needle.position_mm)
-    assert frame.tissue("needle").any()
+    assert not np.array_equal(frame.bmode, station.render(pose, needle=False, quality=(2, 3), seed=case).bmode)
 
 
 def test_a_frame_without_the_needle(cyst: insonify.Station) -> None:
@@ -310,7 +310,8 @@ def assert_same_numbers(found: Any, expected: Any) -> None:
 
 def test_a_recorded_session_has_the_score_of_the_command(tmp_path: Path, run_program: Program) -> None:
     station = insonify.Station("needle_cyst", **FAST)
-    station.set(tracker={"transport": "mock"})
+    # At the border of the cyst, where the mock's needle goes in and out.
+    station.set(tracker={"transport": "mock"}, needle={"position_mm": [0.0, 0.0, 22.0]})
     file = write_station(tmp_path / "station.toml", absolute(station))
     recording = tmp_path / "session.mcap"
     said = run_program("run", file, "--duration", "4", "--sink", "null", "--record", recording)
@@ -330,7 +331,7 @@ def test_a_recorded_session_has_the_score_of_the_command(tmp_path: Path, run_pro
             # A pose of the needle counts for half a second.
             held = needle[1] if time_ns - needle[0] <= 500_000_000 else None
             samples.append(insonify.NeedleSample(1e-9 * (time_ns - first_ns), pose_of(message), held))
-    assert len(samples) > 30 and expected["events"], "the mock's needle goes in and out of the cyst"
+    assert len(samples) > 30 and len(expected["events"]) > 1
     exercise = insonify.Station(file).exercise
     assert exercise is not None
     assert_same_numbers(exercise.score(samples).record, expected)
@@ -349,6 +350,6 @@ def test_a_scene_of_arrays_has_exercises() -> None:
     assert exercise is not None
     down = [(0.02 * n, insonify.Pose(), insonify.Pose((0.3, 0.2, 0.5 * n - 5))) for n in range(80)]
     score = exercise.score(down)
-    assert score.reached is not None and score.reached.position_mm == pytest.approx((0.3, 0.2, 26))
+    assert score.reached is not None and score.reached.position_mm == pytest.approx((0.3, 0.2, 26), abs=0.01)
     with pytest.raises(insonify.StationError, match="`exercise.target` names the surface `kern`"):
         _ = station.copy(exercise={"target": "kern"}).exercise

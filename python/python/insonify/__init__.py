@@ -39,7 +39,7 @@ from ._exercise import (
 from ._frame import Frame
 from ._generator import Generator
 from ._insonify import __version__
-from ._needle import Needle, NeedleLike
+from ._needle import Needle
 from ._plan import Decision, EffectPlan
 from ._planes import Offset, StandardPlane, StandardPlanes, Tolerances, Touch, View
 from ._pose import Pose, PoseLike
@@ -71,7 +71,6 @@ __all__ = [
     "Moment",
     "Needle",
     "NeedleEvent",
-    "NeedleLike",
     "NeedleSample",
     "NeedleScore",
     "NeedleSession",

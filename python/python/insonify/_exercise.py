@@ -299,7 +299,9 @@ def _moment(moment: dict[str, Any] | None) -> Moment | None:
 
 
 def _event(event: dict[str, Any]) -> NeedleEvent:
-    return NeedleEvent(**{**event, "position_mm": _point(event["position_mm"])})
+    values = dict(event)
+    values["position_mm"] = _point(event["position_mm"])
+    return NeedleEvent(**values)
 
 
 def _score(record: str, text: str) -> NeedleScore:

@@ -108,8 +108,8 @@ class Pose:
         >>> Pose.looking((0, 0, 30), (0, 0, 2)) == Pose((0, 0, 30))
         True
         """
-        numbers = [_numbers(position_mm, 3, "position_mm"), _numbers(direction, 3, "direction")]
-        return _of(_insonify.looking_pose(*numbers, _numbers(lateral, 3, "lateral")))
+        position, along = _numbers(position_mm, 3, "position_mm"), _numbers(direction, 3, "direction")
+        return _of(_insonify.looking_pose(position, along, _numbers(lateral, 3, "lateral")))
 
     def rotation(self) -> Rotation:
         """The rotation as one of SciPy, which must be installed."""

@@ -40,8 +40,8 @@ class RewardWeights:
     """Taken for each step off the skin."""
     found: float = 10.0
     """Given once, at the end of an episode that reached its aim."""
-    hidden: float = 5.0
-    """Taken from that if the picture does not show the needle's tip at the end."""
+    reached: float = 5.0
+    """Given once, when the needle's tip first is in the target, seen or not."""
     forbidden: float = 10.0
     """Taken for a puncture of a surface that the exercise forbids, which ends the episode."""
 

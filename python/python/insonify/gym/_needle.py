@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,9 +17,9 @@ from ._base import (
     ProbeEnv,
     RewardWeights,
     Steps,
+    moved_mm,
     quaternion,
     shared_station,
-    moved_mm,
     within,
 )
 
@@ -44,9 +42,9 @@ class NeedleEnv(ProbeEnv):
     The probe rests on the skin and shows the target; the needle begins above the skin, near the way that a simulated
     hand would take. An action is a twist in the needle's own frame: displacements along x, y and z (z is the shaft) and
     rotations about them through the tip. With `move_probe` six more values are a twist of the probe, which the hand
-    keeps on the skin. The reward is the fall of the tip's distance from the target in units of 10 mm, less the path. An
-    episode ends in the target, where a tip that the picture shows earns more, or with the puncture of a surface that
-    the exercise forbids. Nothing resists the needle.
+    keeps on the skin. The reward is the fall of the tip's distance from the target in units of 10 mm, less the path,
+    and a part is given when the tip first is in the target. An episode ends when it is there and the picture shows it,
+    or with the puncture of a surface that the exercise forbids. Nothing resists the needle.
     """
 
     def __init__(
@@ -81,7 +79,9 @@ class NeedleEnv(ProbeEnv):
             raise InputError("the station has no exercise: give its table `exercise` a target")
         plan = exercise.plan
         values = 12 if move_probe else 6
-        super().__init__(small, values, Steps(step_mm, step_deg), quality, maps, weights or RewardWeights(), render_mode)
+        super().__init__(
+            small, values, Steps(step_mm, step_deg), quality, maps, weights or RewardWeights(), render_mode
+        )
         self._exercise, self._move_probe = exercise, move_probe
         self._step_s = 1.0 / steps_per_s
         self._start_limits, self._reach = (start_mm, start_deg), (reach_mm, reach_deg)
@@ -91,6 +91,7 @@ class NeedleEnv(ProbeEnv):
         self._needle = self._needle_home
         self._moments = 0
         self._forbidden = 0
+        self._reached = False
         self._last: NeedleStep | None = None
 
     @property
@@ -115,6 +116,7 @@ class NeedleEnv(ProbeEnv):
         probe = self._pressed(self._near(self._probe_home)) if self._move_probe else self._probe_home
         self._session = self._exercise.session()
         self._moments = self._forbidden = 0
+        self._reached = False
         self._follow(probe)
         return probe
 
@@ -156,10 +158,12 @@ class NeedleEnv(ProbeEnv):
         assert last is not None and last.distance_mm is not None
         punctures = sum(event.is_forbidden_puncture for event in last.events)
         self._forbidden += punctures
-        found = last.reached is not None and punctures == 0
+        first = last.reached is not None and not self._reached
+        self._reached = self._reached or first
+        found = self._reached and last.distance_mm == 0 and last.visible and punctures == 0
         measures = {
             "distance_mm": last.distance_mm,
-            "reached": found,
+            "reached": self._reached,
             "visible": last.visible,
             "offset_mm": last.offset_mm,
             "angle_deg": last.angle_deg,
@@ -167,8 +171,7 @@ class NeedleEnv(ProbeEnv):
             "forbidden": self._forbidden,
             "needle": np.array(self._needle.components),
         }
-        extra = -self.weights.hidden if found and not last.visible else 0.0
-        extra -= self.weights.forbidden * punctures
+        extra = self.weights.reached * first - self.weights.forbidden * punctures
         return Measured(last.distance_mm / _SCALE_MM, found, measures, extra, punctures > 0)
 
     def _rendered(self, seed: int) -> Frame:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from .._errors import InputError
@@ -16,10 +14,10 @@ from ._base import (
     ProbeEnv,
     RewardWeights,
     Steps,
+    moved_mm,
     quaternion,
     rotation_vector,
     shared_station,
-    moved_mm,
     within,
 )
 
