@@ -11,7 +11,7 @@ const FIRST: usize = MULTIPLE_FIRST as usize;
 const MOST: usize = MULTIPLE_SAMPLES as usize;
 /// Samples that are computed together.
 const GROUP: usize = 16;
-const _: () = assert!(FIRST % GROUP == 0);
+const _: () = assert!(FIRST.is_multiple_of(GROUP), "the first group has no part that returns");
 
 /// Size of the working memory, complex numbers.
 pub(in crate::host) fn working_samples(params: &Params) -> u64 {
