@@ -60,7 +60,10 @@ impl Gain {
         let point = |step: usize| {
             let depth_mm = (step + 1) as f64 * STEP_MM;
             let losses_db: Vec<f64> = lines.iter().filter_map(|line| line.get(step).copied()).collect();
-            (depth_mm > FROM_MM && losses_db.len() >= FEWEST).then(|| Some((0.1 * depth_mm, usual(losses_db)?)))?
+            if depth_mm <= FROM_MM || losses_db.len() < FEWEST {
+                return None;
+            }
+            Some((0.1 * depth_mm, usual(losses_db)?))
         };
         let points: Vec<(f64, f64)> = (0..steps).filter_map(point).collect();
         let (start_db, slope) = line_through(&points).unwrap_or_else(|| (0.0, usual_db_per_cm(probe)));
@@ -74,8 +77,8 @@ impl Gain {
     }
 }
 
-/// The loss at a depth that gain and TGC make up for: the mean over the half of the scanlines that lose least. What lies
-/// behind a full bladder then is no brighter than tissue, and what lies beside it is darker.
+/// The loss at a depth that gain and TGC make up for: the mean over the half of the scanlines that lose least. Tissue
+/// behind a full bladder then has the usual grey level. Tissue beside the bladder is darker.
 fn usual(mut losses_db: Vec<f64>) -> Option<f64> {
     losses_db.sort_by(f64::total_cmp);
     losses_db.truncate(losses_db.len().div_ceil(2));
@@ -95,7 +98,8 @@ fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 }
 
 /// TGC sliders, dB, for `points` of depth in cm and loss beyond the line of gain and slope in dB. A slider takes the
-/// weighted mean within the distance of its neighbours. Beyond the points it is set as the nearest one that has points.
+/// weighted mean of the points up to the neighbouring sliders. A slider without points is set as the slider before it; at
+/// the face, as the first slider that has points.
 fn sliders(points: &[(f64, f64)], depth_cm: f64) -> [f64; TGC_SLIDERS] {
     let apart_cm = depth_cm / (TGC_SLIDERS - 1) as f64;
     let mean_at = |slider: usize| {
