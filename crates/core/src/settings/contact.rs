@@ -29,7 +29,7 @@ settings! {
         /// Level of the probe's own reverberation at the face, where the body is not coupled; it falls by 35 dB per cm.
         reverberation_db: f64 = -30.0, "dB", -400.0..=0.0, Nothing;
 
-        /// Reflection of returning echoes at the probe's face. It sets the level of the effect `multiples`.
+        /// Level at which the probe's face reflects returning echoes, for the effect `multiples`.
         face_reflection_db: f64 = -14.0, "dB", -400.0..=0.0, Nothing;
     }
 }
