@@ -10,6 +10,7 @@ import { MarkList } from "./mark_list.js";
 import { Outbox } from "./marking.js";
 import { drawMarks, FONT } from "./marks.js";
 import { drawNeedle } from "./needle.js";
+import { tipEvents } from "./status.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
 const byId = (id) => document.getElementById(id);
@@ -94,6 +95,10 @@ export class Console {
     byId("needle_shown").addEventListener("change", (event) => {
       letGo(event.currentTarget);
       this.page.redraw();
+    });
+    byId("tip_shown").addEventListener("change", (event) => {
+      letGo(event.currentTarget);
+      tipEvents(this.page.shown());
     });
     // A switch with the focus would take the space bar, which freezes the picture.
     byId("clip_overlays").addEventListener("change", (event) => letGo(event.currentTarget));

@@ -65,7 +65,7 @@ export class Status {
   unknown() {
     for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
     byId("contact").hidden = true;
-    byId("needle").hidden = byId("needle_switch").hidden = true;
+    byId("needle").hidden = byId("needle_switch").hidden = byId("tip_switch").hidden = true;
     this.announced.needle = null;
     this.latencies = [];
     this.arrivals = [];
@@ -85,6 +85,7 @@ export class Status {
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
     this.needle(frame.needle);
+    tipEvents(frame);
     this.contact(frame.contact, frame.misplaced);
     byId("generator_name").textContent = frame.generator;
     byId("point").hidden = !frame.point;
@@ -165,7 +166,7 @@ export class Status {
 
   /** Shows the tracking of the needle, and the switch of its projection. Hidden if the station has none. */
   needle(needle) {
-    byId("needle").hidden = byId("needle_switch").hidden = !needle;
+    byId("needle").hidden = byId("needle_switch").hidden = byId("tip_switch").hidden = !needle;
     if (!needle) return;
     const [text, kind] = TRACKING[needle.tracking];
     badge(byId("needle"), `NEEDLE ${text}`, kind);
@@ -193,6 +194,24 @@ export class Status {
     byId("dropped").textContent = String(dropped);
     byId("dropped").parentElement.title = `Frames that this page was too slow for; pages watching: ${clients}`;
   }
+}
+
+/** Lists the latest events of the needle's tip, the newest first, if the switch is on. */
+export function tipEvents(frame) {
+  const list = byId("tip_list");
+  list.hidden = !frame?.needle || !byId("tip_shown").checked;
+  if (list.hidden) return;
+  const lines = frame.tipEvents.length ? frame.tipEvents : ["nothing yet"];
+  const key = lines.join("\n");
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  const items = lines.map((line) => {
+    const item = document.createElement("li");
+    item.textContent = line;
+    item.classList.toggle("bad", line.endsWith("forbidden"));
+    return item;
+  });
+  list.querySelector("ol").replaceChildren(...items.reverse());
 }
 
 /** Position, and orientation as rotations about the scene's x, then y, then z axis. */

@@ -1,7 +1,7 @@
 // Decoder of the station's binary messages; src/sink/browser/wire.rs has the table of their layout.
 
 const FIXED_BYTES = 248;
-const VERSION = 5;
+const VERSION = 6;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["RAW", "GENERATED", "HELD GENERATED"];
@@ -24,7 +24,7 @@ export function decode(buffer, settings) {
   if (buffer.byteLength !== end + generatorBytes + noticeBytes) throw new Error("a message of the wrong length");
   const flags = view.getUint8(41);
   const text = (offset, bytes) => (bytes ? new TextDecoder().decode(new Uint8Array(buffer, offset, bytes)) : "");
-  const [generator = "", point = "", reason = ""] = text(end, generatorBytes).split("\n");
+  const [generator = "", point = "", reason = "", ...tipEvents] = text(end, generatorBytes).split("\n");
   const [firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented] = numbers(104, 7);
   return {
     map: view.getUint8(6),
@@ -46,6 +46,7 @@ export function decode(buffer, settings) {
     generator,
     point,
     reason,
+    tipEvents,
     notice: text(end + generatorBytes, noticeBytes),
     data: new Uint8Array(buffer, start, width * height),
   };

@@ -46,7 +46,7 @@ impl Course {
     }
 
     fn follower(&self) -> NeedleFollower {
-        NeedleFollower::new(TipWatch::with_bvh(&self.loaded.scene, self.loaded.bvh.clone()))
+        NeedleFollower::new(TipWatch::with_bvh(&self.loaded.scene, self.loaded.bvh.clone()), &self.reference())
     }
 
     fn start(&self) -> Result<Pose, Failure> {

@@ -28,7 +28,7 @@ use super::{Failure, output};
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
     /// Station files (TOML) with probe, image, tissues and scene; frames are divided evenly among them
-    #[arg(required_unless_present = "verify", conflicts_with = "verify")]
+    #[arg(required_unless_present = "verify", conflicts_with_all = ["verify", "tuples"])]
     stations: Vec<PathBuf>,
 
     /// Tuples to make, 2..=10000000

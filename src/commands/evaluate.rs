@@ -38,7 +38,7 @@ pub(crate) struct Args {
     images: Option<PathBuf>,
 
     /// Reference, or folder of references with the same file names
-    #[arg(value_name = "B", conflicts_with_all = ["dataset", "steadiness", "model"])]
+    #[arg(value_name = "B", conflicts_with_all = ["dataset", "steadiness", "model", "again", "frames", "step"])]
     references: Option<PathBuf>,
 
     /// Compare only where this image isn't black: a mask for all, or a folder of masks with the images' file names

@@ -129,28 +129,29 @@ impl Batch<'_> {
             key_frames: key_frames.collect(),
         })
     }
+}
 
-    /// Writes `count` sessions with consecutive seeds from `first` on, as `session_SEED.mcap` in the directory `out`.
-    /// `progress` receives the number of finished sessions, from several threads.
-    ///
-    /// # Errors
-    /// The first error of [`Self::write`].
-    pub fn write_all(
-        &self,
-        first: u64,
-        count: u32,
-        out: &Path,
-        progress: &(dyn Fn(usize) + Sync),
-    ) -> Result<Vec<WrittenExam>, ExamError> {
-        let done = AtomicUsize::new(0);
-        let written = (0..u64::from(count)).into_par_iter().map(|i| {
-            let seed = first.wrapping_add(i);
-            let written = self.write(seed, &out.join(format!("session_{seed:06}.mcap")))?;
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            Ok(written)
-        });
-        written.collect()
-    }
+/// Writes `count` sessions by `write`, which takes a seed and a path. The seeds are consecutive from `first` on, and the
+/// files are `session_SEED.mcap` in the directory `out`. `progress` receives the number of finished sessions, from several
+/// threads.
+///
+/// # Errors
+/// The first error of `write`.
+pub fn write_all(
+    first: u64,
+    count: u32,
+    out: &Path,
+    write: &(dyn Fn(u64, &Path) -> Result<WrittenExam, ExamError> + Sync),
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<WrittenExam>, ExamError> {
+    let done = AtomicUsize::new(0);
+    let written = (0..u64::from(count)).into_par_iter().map(|i| {
+        let seed = first.wrapping_add(i);
+        let written = write(seed, &out.join(format!("session_{seed:06}.mcap")))?;
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+        Ok(written)
+    });
+    written.collect()
 }
 
 /// Writes the short sweep over the phantom to `path`, as [`sweep::write`] does.

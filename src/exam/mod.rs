@@ -21,12 +21,12 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-pub use batch::{Batch, KeyFrame, Skills, WrittenExam, write_sweep};
+pub use batch::{Batch, KeyFrame, Skills, WrittenExam, write_all, write_sweep};
 pub use subject::{SubjectError, planes_of};
 
 use crate::pose::{Pose, TimedPose};
 use crate::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
-use crate::tracker::{Protocol, ascii_line};
+use crate::tracker::{NeedleSensor, ProbeSensor, Protocol, ascii_line};
 
 /// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). It is fixed to make files reproducible.
 pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
@@ -69,6 +69,9 @@ pub enum ExamError {
         /// Least duration for a plane, s.
         least_s: f64,
     },
+    /// The exercise with a needle can't be done.
+    #[error(transparent)]
+    Needle(#[from] needle::hand::HandError),
     /// The recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
@@ -98,16 +101,26 @@ fn on_skin(
     })
 }
 
-/// Writes a recording of `poses` as lines of a tracker, interleaved with `events`, which must be in the order of
-/// time.
-fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Result<(), ExamError> {
+/// Number of the needle's sensor in generated exams. The probe's is 0.
+const NEEDLE_SENSOR: u16 = 1;
+
+/// Writes a recording of `poses` of the probe, and of `needle` at the same times if there is one, as lines of a tracker,
+/// interleaved with `events`, which must be in the order of time.
+fn encode(
+    path: &Path,
+    scene: &str,
+    poses: &[TimedPose],
+    needle: &[TimedPose],
+    events: &[Event],
+) -> Result<(), ExamError> {
+    let has_needle = !needle.is_empty();
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,
         device: "simulated hand".to_owned(),
         scene: scene.to_owned(),
         start_time_ns: START_TIME_NS,
-        sensor: None,
-        needle: None,
+        sensor: has_needle.then_some(ProbeSensor::Number(0)),
+        needle: has_needle.then_some(NeedleSensor::Number(NEEDLE_SENSOR)),
     };
     let mut events = events.iter().peekable();
     let mut writer = RecordingWriter::create(path, &info)?;
@@ -117,6 +130,10 @@ fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Re
         }
         let line = ascii_line::encode(sequence, timed.device_time_us, &timed.pose);
         writer.raw(timed.host_time_ns, line.as_bytes())?;
+        if let Some(needle) = needle.get(sequence as usize) {
+            let line = ascii_line::encode_of(NEEDLE_SENSOR, sequence, needle.device_time_us, &needle.pose);
+            writer.raw(needle.host_time_ns, line.as_bytes())?;
+        }
     }
     // Events after the last pose.
     events.try_for_each(|event| writer.event(event))?;

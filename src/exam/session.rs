@@ -75,7 +75,7 @@ impl Session {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, path: &Path, scene: &str) -> Result<(), ExamError> {
-        encode(path, scene, &self.poses, &self.events)
+        encode(path, scene, &self.poses, &[], &self.events)
     }
 }
 

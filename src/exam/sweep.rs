@@ -38,7 +38,7 @@ pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
     let skin = phantom::skin(&parameters);
     let poses = sweep(&phantom::landmarks(&parameters), |from, along| skin.exit(from, along), seed)?;
     let events = KEY_FRAMES.map(|(name, time_s)| Event::new(START_TIME_NS + (time_s * 1e9).round() as u64, name));
-    encode(path, "obstetric phantom", &poses, &events)
+    encode(path, "obstetric phantom", &poses, &[], &events)
 }
 
 /// Poses of the exam of `seed`, at [`RATE_HZ`] over [`DURATION_S`].

@@ -4,12 +4,16 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::clock::{Clock, lock};
+use crate::exam::needle::NeedleEvent;
 use crate::needle::NeedleEstimate;
 use crate::pose::Estimate;
 use crate::settings::{Control, LiveSettings};
 
 /// Time for which a notice stays on the frames.
 const NOTICE_TIME: Duration = Duration::from_secs(5);
+
+/// Number of the tip's latest events that viewers see.
+const TIP_EVENTS: usize = 8;
 
 /// Observer of a session, called on the threads of its stages. It must not block, and must count dropped calls.
 pub trait Observer: Send + Sync {
@@ -21,6 +25,9 @@ pub trait Observer: Send + Sync {
 
     /// A pose of the needle was estimated for the same frame. Called only in sessions with a needle.
     fn needle(&self, _unix_ns: u64, _estimate: &NeedleEstimate) {}
+
+    /// An event of the needle's tip at `unix_ns`, ns since 1970 (UTC). Called only in sessions with a needle.
+    fn tip(&self, _unix_ns: u64, _event: &NeedleEvent) {}
 
     /// Settings that apply from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
@@ -38,11 +45,13 @@ pub(super) struct Events {
     notice: Arc<Mutex<Option<(String, Duration)>>>,
     /// Fault that is shown until it ends, while no other notice is shown.
     lasting: Arc<Mutex<Option<String>>>,
+    /// Latest events of the needle's tip, a line each, oldest first.
+    tip: Arc<Mutex<Arc<[String]>>>,
 }
 
 impl Events {
     pub(super) fn new(clock: &Arc<dyn Clock>, observer: Option<Arc<dyn Observer>>) -> Self {
-        Self { clock: clock.clone(), observer, notice: Arc::default(), lasting: Arc::default() }
+        Self { clock: clock.clone(), observer, notice: Arc::default(), lasting: Arc::default(), tip: Arc::default() }
     }
 
     /// Reports a fault: logs it, shows it on the frames for 5 s, and records it.
@@ -88,6 +97,31 @@ impl Events {
         if let Some(observer) = &self.observer {
             observer.event(self.clock.unix_ns(), text);
         }
+    }
+
+    /// Reports an event of the needle's tip: logs, records and lists it. The puncture of a forbidden surface is also
+    /// shown on the frames for 5 s.
+    pub(super) fn tip(&self, event: &NeedleEvent) {
+        let text = format!("needle: {event}");
+        if event.is_forbidden_puncture() {
+            tracing::warn!("{text}");
+            self.show(text);
+        } else {
+            tracing::info!("{text}");
+        }
+        if let Some(observer) = &self.observer {
+            let since_start_ns = (event.time_s.max(0.0) * 1e9) as u64;
+            observer.tip(self.clock.start_unix_ns().saturating_add(since_start_ns), event);
+        }
+        let mut tip = lock(&self.tip);
+        let line = format!("{:.1} s: {event}", event.time_s);
+        let kept = tip.len().saturating_sub(TIP_EVENTS - 1);
+        *tip = tip.iter().skip(kept).cloned().chain([line]).collect();
+    }
+
+    /// Latest events of the needle's tip, a line each, oldest first.
+    pub(super) fn tip_events(&self) -> Arc<[String]> {
+        lock(&self.tip).clone()
     }
 
     /// Passes on the estimates of probe and needle for a frame.

@@ -20,7 +20,7 @@ use crate::measuring::MeasuringError;
 use crate::pose::Pose;
 use crate::recording::RecorderHandle;
 use crate::render::{Effect, RenderError};
-use crate::settings::Control;
+use crate::settings::{Control, NeedleKind};
 use crate::sink::live::LiveSink;
 use crate::sink::openigtlink::OpenIgtLink;
 #[cfg(feature = "video")]
@@ -102,10 +102,12 @@ impl LiveStation {
         let needle = station.standing_needle();
         renderer.set_needle(needle);
         let poses = WithStandingNeedle { poses, needle };
+        let is_needle = station.settings.needle.is_some_and(|needle| needle.kind != NeedleKind::Pointer);
+        let watch = is_needle.then(|| factory.needle_watch(station.exercise.as_ref()));
         let start = chooser::choose(&mut renderer, station, &mut generators, pose)?;
         messages.extend(start.messages);
         let (mut parts, control) = Parts::with_renderer(poses, renderer, factory, station.probe, station.settings);
-        (parts.points, parts.aperture) = (start.controller, aperture);
+        (parts.points, parts.aperture, parts.needle) = (start.controller, aperture, watch);
         parts.generators = Generators::new(generators).map(|found| Box::new(found) as Box<dyn FrameGenerators>);
         Ok(Self {
             parts,

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
-use crate::needle::Needle;
+use crate::exam::needle::{Exercise, NeedleWatch};
+use crate::needle::{Needle, TipWatch};
 use crate::pose::Pose;
 use crate::render::{Backend, BackendError, ComputeDevice, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
@@ -32,6 +33,11 @@ impl LocalRendererFactory {
     pub fn answering_within(self, wait: Duration) -> Self {
         let software = self.backend.is_software();
         Self { backend: if software { self.backend } else { self.backend.answering_within(wait) }, ..self }
+    }
+
+    /// A new watch of a needle's tip in the scene.
+    pub(super) fn needle_watch(&self, exercise: Option<&Exercise>) -> NeedleWatch {
+        NeedleWatch::new(TipWatch::with_bvh(&self.scene, self.bvh.clone()), &self.scene, exercise)
     }
 
     /// A renderer on the open backend.

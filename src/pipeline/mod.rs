@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! poses → [late sample] → render → slot → generator → slot → presenter → slot each → sinks
-//!                           └────────────── slot ──────────────↗
+//!                           ├────────────── slot ──────────────↗
+//!                           └→ slot → needle: follows the tip, if there is a needle
 //! ```
 //! Each stage has its own thread. Each link is a slot for one item: the newest replaces the older one, which is counted
 //! as dropped. Events and controls have separate bounded queues. All waits use the session's [`Clock`], so
@@ -24,6 +25,7 @@ mod histogram;
 mod live_station;
 mod local_renderer;
 mod metrics;
+mod needle_stage;
 mod pace;
 mod parts;
 mod presenter;
@@ -53,6 +55,7 @@ pub use live_station::scene_info;
 pub use live_station::{LiveError, LiveStation};
 pub use local_renderer::LocalRendererFactory;
 pub use metrics::Status;
+pub use needle_stage::NeedleSummary;
 pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };

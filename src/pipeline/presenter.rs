@@ -170,6 +170,7 @@ impl Presenter {
             }
             frame.point.clone_from(&rendered.point);
             self.events.notice_into(&mut frame.notice);
+            frame.tip_events = self.events.tip_events();
             let inference = held.filter(|held| held.info.number == rendered.info.number).map(|held| held.run);
             let presented = self.clock.now();
             span.record("presented_ms", ms(presented));

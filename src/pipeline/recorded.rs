@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
+use crate::exam::needle::NeedleEvent;
 use crate::files::{self, FileError, FileKind};
 use crate::needle::NeedleEstimate;
 use crate::pose::Estimate;
@@ -42,6 +43,10 @@ impl Observer for RecordingObserver {
             let (pose, state) = (needle.scene_from_needle, estimate.state);
             self.0.needle_pose(SessionPose { host_time_ns: unix_ns, pose, state });
         }
+    }
+
+    fn tip(&self, unix_ns: u64, event: &NeedleEvent) {
+        self.0.event(event.recorded(unix_ns));
     }
 
     fn settings(&self, unix_ns: u64, settings: &LiveSettings) {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::histogram::Percentiles;
+use super::needle_stage::NeedleSummary;
 use super::tracker_watch::TrackerSummary;
 use crate::chooser::PointSummary;
 use crate::transducer::placement::{Fault, Misplacement, Untouched};
@@ -138,6 +139,8 @@ pub struct Summary {
     pub points: Option<PointSummary>,
     /// Summary of the generator; none without one.
     pub generator: Option<GeneratorSummary>,
+    /// Summary of the needle's tip; none without a needle.
+    pub needle: Option<NeedleSummary>,
     /// Summary of each sink.
     pub sinks: Vec<SinkSummary>,
     /// Names of stages that panicked or did not end in time.

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::needle_stage::in_words;
 use super::{MisplacedSummary, Percentiles, Summary, TrackerSummary};
 
 impl fmt::Display for Summary {
@@ -26,6 +27,9 @@ impl fmt::Display for Summary {
         }
         if let Some(tracker) = &s.tracker {
             tracker_row(f, tracker)?;
+        }
+        if let Some(needle) = &s.needle {
+            writeln!(f, "needle             {}", in_words(needle))?;
         }
         writeln!(f, "\nms                       p50      p95      p99      max")?;
         row(f, "pose to present", s.pose_to_present)?;

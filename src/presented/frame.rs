@@ -49,6 +49,8 @@ pub struct PresentedFrame {
     pub generator: Option<String>,
     /// Operating point; none without a controller of operating points.
     pub point: Option<Arc<PointText>>,
+    /// Latest events of the needle's tip, a line each, oldest first; empty without a needle.
+    pub tip_events: Arc<[String]>,
     /// Recent fault, to be shown to viewers; none if there was none.
     pub notice: Option<String>,
 }

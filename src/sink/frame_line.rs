@@ -21,6 +21,12 @@ pub(crate) struct FrameLine<'a> {
     pub tracking: &'static str,
     /// `scene_from_probe` [x, y, z (mm), qw, qx, qy, qz]; none without a picture.
     pub pose: Option<[f64; 7]>,
+    /// Tracking of the needle, as the probe's; left out without a needle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub needle_tracking: Option<&'static str>,
+    /// `scene_from_needle` [x, y, z (mm), qw, qx, qy, qz]; left out if it is unknown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub needle: Option<[f64; 7]>,
     /// Contact of the probe's face with the skin; none without the effect `contact`.
     pub contact: Option<Contact>,
     /// Number of tracker measurements that no earlier frame showed.
@@ -64,6 +70,12 @@ impl<'a> FrameLine<'a> {
             source: frame.source.name(),
             tracking: frame.info.estimate.state.name(),
             pose: frame.info.pose().map(|pose| pose.components()),
+            needle_tracking: frame.info.needle.map(|needle| needle.state.name()),
+            needle: frame
+                .info
+                .needle
+                .and_then(|estimate| estimate.needle)
+                .map(|needle| needle.scene_from_needle.components()),
             contact: frame.info.contact,
             new_measurements: frame.info.new.count,
             pose_to_present_ms: frame.info.pose_to_present().map(ms),

@@ -897,3 +897,24 @@ fn a_plan_measures_the_cost_of_effects() {
     assert!(json["measured"]["planned_ms"].as_f64().unwrap() > 0.0);
     assert!(json["measured"]["frames"].as_u64().unwrap() >= 9);
 }
+
+#[test]
+fn an_option_of_another_mode_is_refused() {
+    // clap doesn't enforce that an option needs another one beside an argument that excludes that one.
+    for (command, option) in [
+        (&["calibrate", "probe", "a.mcap", "--sensor", "2"][..], "--sensor"),
+        (&["calibrate", "probe", "a.mcap", "--tool", "Probe"], "--tool"),
+        (&["calibrate", "pivot", "a.mcap", "--sensor", "2"], "--sensor"),
+        (&["calibrate", "spin", "--of", "needle", "a.mcap", "--tool", "Needle"], "--tool"),
+        (&["calibrate", "landmarks", "a.csv", "--sensor", "2"], "--sensor"),
+        (&["calibrate", "landmarks", "a.csv", "--points", "b.csv"], "--points"),
+        (&["calibrate", "landmarks", "a.csv", "--samples", "9"], "--samples"),
+        (&["calibrate", "landmarks", "a.csv", "--tolerance", "2"], "--tolerance"),
+        (&["dataset", "a.toml", "--tuples", "9", "--out", "out"], "--tuples"),
+        (&["evaluate", "a.png", "b.png", "--frames", "9"], "--frames"),
+        (&["evaluate", "a.png", "b.png", "--step", "9"], "--step"),
+        (&["evaluate", "a.png", "b.png", "--again", "9"], "--again"),
+    ] {
+        refused(&insonify(command), &["cannot be used with", option]);
+    }
+}

@@ -299,6 +299,7 @@ pub(super) fn broken() -> SinkError {
 /// What an observer received: events and changes of marks, the numbers of poses and settings, and the last settings.
 #[derive(Default)]
 pub(super) struct Counted {
+    pub(super) tip: Vec<(u64, NeedleEvent)>,
     pub(super) events: Vec<(u64, String)>,
     pub(super) poses: u64,
     pub(super) settings: u64,
@@ -317,6 +318,10 @@ impl Observer for Heard {
 
     fn pose(&self, _: u64, _: &Estimate) {
         self.0.lock().unwrap().poses += 1;
+    }
+
+    fn tip(&self, unix_ns: u64, event: &NeedleEvent) {
+        self.0.lock().unwrap().tip.push((unix_ns, event.clone()));
     }
 
     fn settings(&self, _: u64, settings: &LiveSettings) {

@@ -40,6 +40,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::chooser::{Candidate, FrameBudget, PointController};
+use insonify::exam::needle::{NeedleEvent, NeedleWatch};
 use insonify::needle::{Needle, NeedleEstimate};
 use insonify::pipeline::{
     Clock, FrameGenerators, FrameRenderer, GenerateError, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,

@@ -1,12 +1,17 @@
-//! A second tracked tool: what each frame shows of it, what is recorded, and what a replay makes of the recording.
+//! A second tracked tool: what each frame shows of it, what its tip does, what is recorded, and what a replay makes of the
+//! recording.
 
+use insonify::anatomy::{TissueTable, analytic};
+use insonify::exam::needle::{Approach, Exercise, Region, TIP_EVENT};
+use insonify::needle::TipWatch;
 use insonify::pipeline::replay::{FrameRange, Replay, ReplayOptions};
 use insonify::pipeline::{RecordingObserver, ReplayedPoses, TrackedPoses, WithStandingNeedle};
 use insonify::pose::{Estimator, Measurement, Reading, Settings as PoseSettings};
-use insonify::recording::{QueueLimits, Recorder, RecordingInfo, RecordingReader, RecordingWriter, read_tools};
+use insonify::recording::{Event, QueueLimits, Recorder, RecordingInfo, RecordingReader, RecordingWriter, read_tools};
 use insonify::sink::FrameRate;
 use insonify::station::Station;
 use insonify::tracker::NeedleSensor;
+use insonify::{Scene, glam::Vec3};
 
 use super::program::{insonify, small_station};
 use super::*;
@@ -55,6 +60,27 @@ fn x_of(needle: Option<Needle>) -> Option<f64> {
     needle.map(|needle| needle.tip_mm().x)
 }
 
+/// Balls of 4 mm on the needle's way, with an exercise that forbids the second one.
+fn balls() -> (Scene, Exercise) {
+    let ball = |name, x| analytic::Part {
+        name,
+        tissue: "soft_tissue",
+        priority: 1,
+        mesh: analytic::sphere(Vec3::new(x, 0.0, 0.0), 4.0, 4),
+    };
+    let parts = vec![ball("cyst", 110.0), ball("artery", 140.0)];
+    let scene = analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap();
+    let exercise = Exercise {
+        name: "Cyst".into(),
+        target: Region::Surface("cyst".into()),
+        entry: None,
+        forbidden: vec!["artery".into()],
+        approach: Approach::Any,
+        time_s: 30.0,
+    };
+    (scene, exercise)
+}
+
 /// Runs a session of two tools. Returns its frames, and the needle of each submitted frame.
 fn session(
     control: Option<(Duration, Duration)>,
@@ -75,8 +101,11 @@ fn session(
         kept.lock().unwrap().push(frame.clone());
         Ok(())
     });
+    let (scene, exercise) = balls();
+    let watch = NeedleWatch::new(TipWatch::new(&scene).unwrap(), &scene, Some(&exercise));
     let session = Session {
         poses: Box::new(Tools::new()),
+        needle: Some(watch),
         sinks: vec![display],
         needles: Some(needles.clone()),
         controls,
@@ -131,6 +160,34 @@ fn a_lost_needle_never_stops_the_picture() {
 }
 
 #[test]
+fn the_events_of_the_tip_are_on_the_frames_and_told() {
+    let _guard = beside_others();
+    let heard = Arc::new(Heard::default());
+    let (frames, _) = session(None, Some(heard.clone()));
+    let told = heard.0.lock().unwrap();
+    let kinds: Vec<_> = told.tip.iter().map(|(_, event)| (event.kind.name(), event.surface.as_deref())).collect();
+    let expected = [
+        ("entered", Some("cyst")),
+        ("target-reached", None),
+        ("out-of-slice", None),
+        ("left", Some("cyst")),
+        ("entered", Some("artery")),
+    ];
+    assert_eq!(kinds[..5], expected, "{kinds:?}");
+    // The needle moves at 5 mm/s from x = 100 mm, and is not silent before 3 s.
+    let (unix_ns, entry) = &told.tip[0];
+    assert!((entry.position_mm.x - 106.0).abs() < 0.05 && (entry.time_s - 1.2).abs() < 0.2, "{entry:?}");
+    assert_eq!(*unix_ns, START_NS + (entry.time_s * 1e9) as u64);
+    let lines = |frame: &PresentedFrame| frame.tip_events.iter().map(|line| line[line.find(':').unwrap()..].to_owned());
+    assert!(frames.first().is_some_and(|frame| frame.tip_events.is_empty()));
+    let last: Vec<String> = frames.last().map(lines).unwrap().collect();
+    assert_eq!(last[0], ": entered cyst");
+    assert!(last.iter().any(|line| line == ": entered artery, which is forbidden"), "{last:?}");
+    let notice = "needle: entered artery, which is forbidden";
+    assert!(frames.iter().any(|frame| frame.notice.as_deref() == Some(notice)));
+}
+
+#[test]
 fn a_frozen_picture_keeps_its_needle() {
     let _guard = beside_others();
     let (frames, _) = session(Some((SECOND, 2 * SECOND)), None);
@@ -165,6 +222,12 @@ fn a_recording_keeps_the_tools_apart() {
     );
     assert!(tools.probe.used.iter().all(|used| used.pose.position_mm.x < 90.0));
     assert!(tools.needle.used.iter().all(|used| used.pose.position_mm.x > 90.0));
+    let of_tip = |event: &&Event| event.name.starts_with(TIP_EVENT);
+    let of_tip: Vec<&Event> = tools.summary.events.iter().filter(of_tip).collect();
+    assert!(of_tip.len() >= 4 && of_tip[0].name == "needle.entered", "{of_tip:?}");
+    let value = of_tip[0].value.as_ref().unwrap();
+    assert_eq!((&value["surface"], &value["tissue"]), (&"cyst".into(), &"soft_tissue".into()), "{value}");
+    assert!((value["position_mm"][0].as_f64().unwrap() - 106.0).abs() < 0.05 && value.get("time_s").is_none());
     let good = |frame: &&PresentedFrame| frame.info.needle.unwrap().state == TrackingState::Good;
     let recorded_good = tools.needle.used.iter().filter(|used| used.state == TrackingState::Good).count();
     assert!(frames.iter().filter(good).count() <= recorded_good);

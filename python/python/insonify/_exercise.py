@@ -52,22 +52,22 @@ class Moment:
 
 @dataclass(frozen=True)
 class NeedleEvent:
-    """A surface that the tip entered or left."""
+    """An event of the tip; docs/needle.md defines the kinds."""
 
     time_s: float
     """Time since the session's start."""
     kind: str
-    """entered, re-entered or left."""
-    surface: str
-    """Name of the surface."""
-    tissue: str
-    """Name of its tissue."""
+    """entered, re-entered, left, target-reached, out-of-slice or in-slice."""
     position_mm: _Point
-    """Place in the scene."""
-    punctures: int
-    """Punctures of this surface so far."""
+    """Place of the tip in the scene."""
     forbidden: bool
     """Whether the exercise forbids the surface."""
+    surface: str | None = None
+    """Name of the surface that was crossed; None for other events."""
+    tissue: str | None = None
+    """Name of its tissue."""
+    punctures: int | None = None
+    """Punctures of the surface so far."""
 
     @property
     def is_forbidden_puncture(self) -> bool:
@@ -80,7 +80,7 @@ class NeedleStep:
     """The needle after a sample of a session."""
 
     events: tuple[NeedleEvent, ...]
-    """Surfaces crossed since the last sample, in order."""
+    """Events since the last sample, in order."""
     distance_mm: float | None
     """Distance of the tip from the target at rest, 0 inside; None without a needle."""
     in_tissue: bool
@@ -148,7 +148,7 @@ class NeedleScore:
     final_mm: float
     """Distance between the target and the deepest position of the last pass; 0 in the target."""
     events: tuple[NeedleEvent, ...]
-    """Surfaces crossed in the whole session, in order."""
+    """Events of the whole session, in order."""
     record: dict[str, Any]
     """What `insonify score --json` has under `needle`."""
     text: str

@@ -29,7 +29,7 @@ use super::{OutputArgs, calibration_file, write};
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)
-    #[arg(conflicts_with = "tracker")]
+    #[arg(conflicts_with_all = ["tracker", "points", "sensor", "tool", "samples", "tolerance"])]
     pairs: Option<PathBuf>,
 
     /// Station (TOML) whose scene has the landmarks: converts points along the patient's axes to the scene's axes

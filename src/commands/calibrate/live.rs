@@ -53,18 +53,6 @@ pub(super) fn settings(station: &Station, sensor: Option<u16>, tool: Option<&str
     Ok(settings)
 }
 
-impl LiveArgs {
-    /// Refuses the choice of a tool where a recording is read.
-    pub(super) fn refuse_choice(&self) -> Result<(), Failure> {
-        if self.sensor.is_none() && self.tool.is_none() {
-            return Ok(());
-        }
-        Err(Failure::Input(anyhow!(
-            "--sensor and --tool choose a tool of --tracker; a recording holds the choice of its session"
-        )))
-    }
-}
-
 /// Settings of the tracker of the station at `path` for the tool of `args`, and the calibration file to write: `out`,
 /// else the station's.
 ///

@@ -33,7 +33,6 @@ pub(super) fn fitted<T>(
     let Some(file) = file else {
         return Err(Failure::Input(anyhow!("give POSES, a recording or a table, or --tracker STATION")));
     };
-    args.refuse_choice()?;
     if let Some(out) = out {
         Outputs::apart_from([file]).replaced("--out", out)?;
     }

@@ -28,7 +28,7 @@ use super::{OutputArgs, guided, poses, write};
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Poses of tilting the probe about the middle of its face
-    #[arg(required_unless_present = "tracker", conflicts_with = "tracker")]
+    #[arg(required_unless_present = "tracker", conflicts_with_all = ["tracker", "sensor", "tool"])]
     pivot: Option<PathBuf>,
 
     /// Poses with the end of the face at the marker in the dimple

@@ -32,7 +32,7 @@ const MOTION: Motion = Motion {
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Poses of the turning sensor (MCAP recording or CSV)
-    #[arg(required_unless_present = "tracker", conflicts_with = "tracker")]
+    #[arg(required_unless_present = "tracker", conflicts_with_all = ["tracker", "sensor", "tool"])]
     poses: Option<PathBuf>,
 
     /// Object that was turned

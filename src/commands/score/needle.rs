@@ -14,7 +14,9 @@ const HELD_NS: u64 = 500_000_000;
 
 /// Poses of probe and needle in a recorded session, in the order of time. Empty for a recording without a needle.
 pub(super) fn needle_samples(exam: &RecordedExam) -> Vec<Sample> {
-    let Some(first) = exam.poses.first().filter(|_| !exam.needle.is_empty()) else { return Vec::new() };
+    if exam.needle.is_empty() {
+        return Vec::new();
+    }
     let mut next = 0;
     let sample = |probe: &TimedPose| {
         while exam.needle.get(next).is_some_and(|needle| needle.host_time_ns <= probe.host_time_ns) {
@@ -24,7 +26,8 @@ pub(super) fn needle_samples(exam: &RecordedExam) -> Vec<Sample> {
         let held = last.filter(|last| probe.host_time_ns - last.host_time_ns <= HELD_NS);
         // The recorded poses don't say whether the turn about the shaft was measured, and the score doesn't need it.
         let needle = held.map(|held| Needle { scene_from_needle: held.pose, bevel_known: false });
-        let time_s = 1e-9 * probe.host_time_ns.saturating_sub(first.host_time_ns) as f64;
+        // Scene time, so that moving surfaces are where they were in the session.
+        let time_s = 1e-9 * probe.host_time_ns.saturating_sub(exam.summary.info.start_time_ns) as f64;
         Sample { time_s, probe: Some(probe.pose), needle }
     };
     exam.poses.iter().map(sample).collect()

@@ -4,6 +4,8 @@
 //! keeps the needle in the image and reaches the target in one pass. A novice trembles, lets the probe slip, misses, draws
 //! the needle back and tries again. The numbers are assumed.
 
+use std::cmp::Ordering;
+
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
@@ -136,6 +138,8 @@ pub struct Plan {
     pub entry_mm: DVec3,
     /// `scene_from_probe` that shows the aim, and with the approach in-plane the whole way.
     pub probe: Pose,
+    /// Whether the needle crosses the image plane.
+    pub out_of_plane: bool,
 }
 
 impl Plan {
@@ -173,8 +177,52 @@ impl Plan {
         let lateral = if out_of_plane { from_side.cross(axis) } else { from_side };
         let mut probe = Pose::looking(face_mm + axis * PRESS_MM, axis, lateral);
         probe.orientation = probe.orientation.normalize();
-        Ok(Self { aim_mm, entry_mm, probe })
+        Ok(Self { aim_mm, entry_mm, probe, out_of_plane })
     }
+
+    /// Session of a hand of this skill, at [`RATE_HZ`]; deterministic.
+    pub fn session(&self, skill: Skill, seed: u64) -> HandSession {
+        let hands = Hands::of(skill);
+        let mut random = SplitMix64::new(seed ^ 0x4eed_1e00);
+        let stops = stops(self, &hands, &mut random);
+        let (of_probe, of_needle) = (Tremor::new(seed), Tremor::new(seed.wrapping_add(1)));
+        let slips = Slips { hands, phases: [(); 4].map(|()| random.unit()) };
+        let end_s = stops.last().map_or(0.0, |stop| stop.leave_s);
+        let count = (end_s * f64::from(RATE_HZ)) as u64;
+        let sample = |i: u64| {
+            let time_s = i as f64 / f64::from(RATE_HZ);
+            let (part, aim_mm) = at(&stops, time_s);
+            let (shift_mm, turn) = of_needle.at(time_s);
+            let along = (aim_mm - self.entry_mm).normalize_or(DVec3::Z);
+            let tip_mm = self.entry_mm + part * (aim_mm - self.entry_mm) + hands.tremor * shift_mm;
+            let turn = DQuat::from_scaled_axis(hands.tremor * rotation_vector(turn));
+            let orientation = (turn * DQuat::from_rotation_arc(DVec3::Z, along)).normalize();
+            let needle = Needle { scene_from_needle: Pose { position_mm: tip_mm, orientation }, bevel_known: true };
+            let held = slips.of(&self.probe, time_s, of_probe.at(time_s));
+            Sample { time_s, probe: Some(held), needle: Some(needle) }
+        };
+        HandSession { samples: (0..=count).map(sample).collect(), phases: phases(&stops) }
+    }
+}
+
+/// Session of simulated hands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandSession {
+    /// Poses of probe and needle, in ascending time.
+    pub samples: Vec<Sample>,
+    /// What the hand with the needle does, in order.
+    pub phases: Vec<Phase>,
+}
+
+/// Part of a pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phase {
+    /// Start, s.
+    pub time_s: f64,
+    /// Number of the pass, from 1.
+    pub pass: u32,
+    /// `advance`, `rest` (at the end of the pass) or `withdraw`.
+    pub name: &'static str,
 }
 
 /// Half of the width of the probe's face, mm.
@@ -228,31 +276,31 @@ pub fn samples(
     skill: Skill,
     seed: u64,
 ) -> Result<Vec<Sample>, HandError> {
-    let plan = Plan::of(exercise, scene, probe, start)?;
-    let hands = Hands::of(skill);
-    let mut random = SplitMix64::new(seed ^ 0x4eed_1e00);
-    let stops = stops(&plan, &hands, exercise.approach == Approach::OutOfPlane, &mut random);
-    let (of_probe, of_needle) = (Tremor::new(seed), Tremor::new(seed.wrapping_add(1)));
-    let slips = Slips { hands, phases: [(); 4].map(|()| random.unit()) };
-    let end_s = stops.last().map_or(0.0, |stop| stop.leave_s);
-    let count = (end_s * f64::from(RATE_HZ)) as u64;
-    let sample = |i: u64| {
-        let time_s = i as f64 / f64::from(RATE_HZ);
-        let (part, aim_mm) = at(&stops, time_s);
-        let (shift_mm, turn) = of_needle.at(time_s);
-        let along = (aim_mm - plan.entry_mm).normalize_or(DVec3::Z);
-        let tip_mm = plan.entry_mm + part * (aim_mm - plan.entry_mm) + hands.tremor * shift_mm;
-        let turn = DQuat::from_scaled_axis(hands.tremor * rotation_vector(turn));
-        let orientation = (turn * DQuat::from_rotation_arc(DVec3::Z, along)).normalize();
-        let needle = Needle { scene_from_needle: Pose { position_mm: tip_mm, orientation }, bevel_known: true };
-        let held = slips.of(&plan.probe, time_s, of_probe.at(time_s));
-        Sample { time_s, probe: Some(held), needle: Some(needle) }
-    };
-    Ok((0..=count).map(sample).collect())
+    Ok(Plan::of(exercise, scene, probe, start)?.session(skill, seed).samples)
+}
+
+/// Phases of all passes: each ends at the part 1 of the way, and rests there.
+fn phases(stops: &[Stop]) -> Vec<Phase> {
+    let (mut phases, mut pass): (Vec<Phase>, u32) = (Vec::new(), 1);
+    for pair in stops.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        match to.part.total_cmp(&from.part) {
+            Ordering::Greater => phases.extend([
+                Phase { time_s: from.leave_s, pass, name: "advance" },
+                Phase { time_s: to.arrive_s, pass, name: "rest" },
+            ]),
+            Ordering::Less => {
+                phases.push(Phase { time_s: from.leave_s, pass, name: "withdraw" });
+                pass += 1;
+            }
+            Ordering::Equal => {}
+        }
+    }
+    phases
 }
 
 /// Stops of all passes.
-fn stops(plan: &Plan, hands: &Hands, out_of_plane: bool, random: &mut SplitMix64) -> Vec<Stop> {
+fn stops(plan: &Plan, hands: &Hands, random: &mut SplitMix64) -> Vec<Stop> {
     let length_mm = plan.entry_mm.distance(plan.aim_mm).max(1.0);
     let (least, most) = hands.passes;
     let passes = least + (random.unit() * f64::from(most - least + 1)) as u32;
@@ -267,7 +315,7 @@ fn stops(plan: &Plan, hands: &Hands, out_of_plane: bool, random: &mut SplitMix64
         stops.push(Stop { arrive_s, leave_s: arrive_s + look_s, part, aim_mm });
     };
     // A miss is mostly across the image plane, which the hand sees least; out-of-plane, it is to the side.
-    let across = plan.probe.transform_vector(if out_of_plane { DVec3::X } else { DVec3::Y });
+    let across = plan.probe.transform_vector(if plan.out_of_plane { DVec3::X } else { DVec3::Y });
     for pass in 1..=passes {
         let is_last = pass == passes;
         let (near, far) = if is_last { (0.0, hands.rest_mm) } else { hands.miss_mm };

@@ -5,14 +5,15 @@ use std::fmt;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::event::NeedleEvent;
 use super::exercise::Region;
 use super::passes::{Passes, passes};
 use super::points::{Deduction, POINTS, Values, deductions, points};
 use super::sample::Sample;
 use super::target::TargetDistance;
-use super::track::{Moment, NeedleEvent, NeedleReference, NeedleTrack};
+use super::track::{NeedleReference, NeedleTrack};
+use super::watch::Moment;
 use crate::anatomy::BvhError;
-use crate::needle::TipEventKind;
 
 /// Interval over which positions are averaged before paths are measured, s. It suppresses tremor.
 const PATH_STEP_S: f64 = 0.1;
@@ -65,7 +66,7 @@ pub struct NeedleScore {
     pub sideways_mm: f64,
     /// Distance between the target and the deepest position of the last pass, mm; 0 in the target.
     pub final_mm: f64,
-    /// Crossings of surfaces in the whole session.
+    /// Events of the whole session.
     pub events: Vec<NeedleEvent>,
 }
 
@@ -170,9 +171,8 @@ fn judge(
     let is_visible = |i: usize| track.slice[i].is_some_and(|slice| slice.visible);
     score.visible_at_end = (0..track.time_s.len()).filter(near_end).any(is_visible);
 
-    let entered =
-        track.events.iter().find(|event| event.kind != TipEventKind::Left.name() && event.time_s == entry.time_s);
-    score.entry_surface = entered.map(|event| event.surface.clone());
+    let entered = track.events.iter().find(|event| event.kind.is_entry() && event.time_s == entry.time_s);
+    score.entry_surface = entered.and_then(|event| event.surface.clone());
     score.right_entry = reference.exercise.entry.as_ref().map(|region| match region {
         surface @ Region::Surface(_) => score.entry_surface.as_ref().is_some_and(|name| surface.is_surface(name)),
         Region::Ball { centre_mm, radius_mm } => entry.position_mm.distance(*centre_mm) <= *radius_mm,
@@ -228,13 +228,11 @@ impl fmt::Display for NeedleScore {
             writeln!(f, "{:28} -{points:<6.1} {reason}", criterion.name())?;
         }
         if !self.events.is_empty() {
-            writeln!(f, "\nsurfaces on the way of the tip:")?;
+            writeln!(f, "\nevents on the way of the tip:")?;
         }
         for event in &self.events {
-            let NeedleEvent { time_s, kind, surface, .. } = event;
             let [x, y, z] = event.position_mm.to_array();
-            let remark = if event.is_forbidden_puncture() { "  forbidden" } else { "" };
-            writeln!(f, "{time_s:7.2} s  {kind:10} {surface:24} at [{x:.1}, {y:.1}, {z:.1}] mm{remark}")?;
+            writeln!(f, "{:7.2} s  at [{x:.1}, {y:.1}, {z:.1}] mm  {event}", event.time_s)?;
         }
         writeln!(f, "({POINTS})")
     }

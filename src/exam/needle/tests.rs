@@ -86,8 +86,8 @@ fn a_straight_puncture_in_the_plane_loses_nothing() {
     assert!((score.time_to_target_s.unwrap() - 3.54).abs() < 0.05, "{score}");
     assert!(score.angle_deg.unwrap() < 1e-6 && score.offset_mm.unwrap() < 1e-9);
     assert!((score.passes, score.final_mm) == (1, 0.0) && score.sideways_mm < 1e-6);
-    let kinds: Vec<_> = score.events.iter().map(|event| (event.kind, event.surface.as_str())).collect();
-    assert_eq!(kinds, [("entered", "body"), ("entered", "cyst")]);
+    let kinds: Vec<_> = score.events.iter().map(|event| (event.kind.name(), event.surface.as_deref())).collect();
+    assert_eq!(kinds, [("entered", Some("body")), ("entered", Some("cyst")), ("target-reached", None)]);
 }
 
 #[test]

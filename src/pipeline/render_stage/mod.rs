@@ -25,12 +25,14 @@ use super::controls::Controls;
 use super::events::Events;
 use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
+use super::needle_stage::ToFollow;
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSource, RendererFactory};
 use super::rendered::{Rendered, blacken};
 use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::chooser::PointController;
+use crate::exam::needle::Sample;
 use crate::presented::{FrameInfo, FrameTimeline, PointText, Pool};
 use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
@@ -69,6 +71,8 @@ pub(super) struct RenderParts {
     pub(super) aperture: Choice,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
+    /// Slot of the needle stage; none without a needle.
+    pub(super) to_needle: Option<Arc<Slot<ToFollow>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
     /// For each sink that can use segmentation and attenuation, whether it reads them now.
     pub(super) map_readers: Vec<MapsWanted>,
@@ -203,6 +207,7 @@ impl RenderStage {
             renderer.set_time_s(scene_time.as_secs_f64());
         }
         let info = self.sample();
+        self.follow_needle(&info, scene_time);
         count(&self.parts.metrics.produced);
         let now = info.timeline.submitted;
         if let (Some(points), Some(speed), false) = (&mut self.parts.points, info.estimate.speed, info.settings.frozen)
@@ -270,6 +275,15 @@ impl RenderStage {
         first_byte.map(|time| span.record("first_byte_ms", ms(time)));
         let timeline = FrameTimeline { first_byte, sampled: now, submitted: now, ..FrameTimeline::default() };
         FrameInfo { number, estimate, needle, timeline, settings, ..FrameInfo::default() }
+    }
+
+    /// Hands the poses of a frame at `scene_time` to the needle stage.
+    fn follow_needle(&self, info: &FrameInfo, scene_time: Duration) {
+        let Some((slot, needle)) = self.parts.to_needle.as_ref().zip(info.needle.and_then(|known| known.needle)) else {
+            return;
+        };
+        let (time_s, probe) = (scene_time.as_secs_f64(), info.pose());
+        slot.put(ToFollow { sample: Sample { time_s, probe, needle: Some(needle) }, probe: info.settings.probe });
     }
 
     /// Waits for the oldest frame in flight and hands it to the next stages.

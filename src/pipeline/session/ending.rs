@@ -30,9 +30,16 @@ impl Pipeline {
         let ended_at = self.stop.requested_at().unwrap_or_else(|| self.clock.now());
         let elapsed_s = ended_at.saturating_sub(self.started_at).as_secs_f64();
         end_parts(&self.clock, &mut self.before, &mut stuck);
-        let Stages { render, generate, presenter, sinks } = self.stages;
+        let Stages { render, generate, needle, presenter, sinks } = self.stages;
         // `join` notes a panic or a hang in `stuck`.
         let _ = join(&self.clock, render, &mut stuck);
+        let needle = needle.map(|stage| {
+            let name = stage.thread.name().to_owned();
+            let (summary, joined) = stage.join(self.clock.now().saturating_add(PART_TIME));
+            // `judge` notes a panic or a hang in `stuck`.
+            let _ = judge(&name, joined, &mut stuck);
+            summary
+        });
         // A stuck renderer did not close its slots.
         self.to_generator.iter().for_each(|slot| slot.close());
         if let Some(generator) = &self.generator {
@@ -104,6 +111,7 @@ impl Pipeline {
                 points: metrics.points(),
                 tracker: self.tracker.as_ref().map(TrackerWatch::totals),
                 generator,
+                needle,
                 sinks,
                 stuck,
                 memory_bytes: memory_bytes(),
@@ -115,7 +123,12 @@ impl Pipeline {
 fn join<T>(clock: &Arc<dyn Clock>, thread: Thread<T>, stuck: &mut Vec<String>) -> Result<T, bool> {
     let name = thread.name().to_owned();
     let until = clock.now().saturating_add(PART_TIME);
-    match thread.join(until) {
+    judge(&name, thread.join(until), stuck)
+}
+
+/// Result of a stage that was joined, with errors as in [`join`].
+fn judge<T>(name: &str, joined: Joined<T>, stuck: &mut Vec<String>) -> Result<T, bool> {
+    match joined {
         Joined::Done(result) => Ok(result),
         Joined::Panicked => {
             tracing::error!("the thread `{name}` panicked");
@@ -124,7 +137,7 @@ fn join<T>(clock: &Arc<dyn Clock>, thread: Thread<T>, stuck: &mut Vec<String>) -
         }
         Joined::Stuck => {
             tracing::warn!("the thread `{name}` doesn't come back and is left behind");
-            stuck.push(name);
+            stuck.push(name.to_owned());
             Err(true)
         }
     }

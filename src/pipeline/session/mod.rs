@@ -16,6 +16,7 @@ use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
 use super::local_renderer::LocalRendererFactory;
 use super::metrics::{Metrics, Status, counted};
+use super::needle_stage::NeedleStage;
 use super::parts::{FrameGenerators, FrameRenderer, PoseSource, RendererFactory};
 use super::presenter::Presenter;
 use super::render_stage::{RenderParts, RenderStage};
@@ -26,6 +27,7 @@ use super::slot::Slot;
 use super::summary::Summary;
 use super::tracker_watch::{TrackerNotice, TrackerWatch};
 use crate::chooser::PointController;
+use crate::exam::needle::NeedleWatch;
 use crate::render::{RenderError, RenderSettings, Renderer};
 use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
 use crate::sink::FrameLog;
@@ -80,6 +82,8 @@ pub struct Parts {
     pub aperture: Choice,
     /// Generators; none: raw frames are shown.
     pub generators: Option<Box<dyn FrameGenerators>>,
+    /// Watch of the needle's tip, new, in the renderer's scene; none: its events are not told.
+    pub needle: Option<NeedleWatch>,
     /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,
     /// Log of all presented frames; none: no log is written.
@@ -133,6 +137,7 @@ impl Parts {
             points: None,
             aperture: render.effects.of(Effect::Aperture),
             generators: None,
+            needle: None,
             sinks: Vec::new(),
             log: None,
             controls,
@@ -149,6 +154,7 @@ impl Parts {
 struct Stages {
     render: Thread<()>,
     generate: Option<Thread<()>>,
+    needle: Option<NeedleStage>,
     presenter: Thread<Option<FrameLog>>,
     sinks: Vec<SinkStage>,
 }
@@ -262,6 +268,8 @@ impl Pipeline {
         };
         let presenter = spawn(&clock, "presenter", move || presenter.run()).map_err(refused("presenter"))?;
 
+        let needle = parts.needle.map(|watch| NeedleStage::start(watch, &clock, &events));
+        let needle = needle.transpose().map_err(refused("needle"))?;
         let live = LiveSettings {
             probe: parts.probe,
             render: parts.render,
@@ -279,6 +287,7 @@ impl Pipeline {
             aperture: parts.aperture,
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),
+            to_needle: needle.as_ref().map(|stage| stage.slot().clone()),
             generator: generator.clone(),
             map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
@@ -291,7 +300,7 @@ impl Pipeline {
             started_at,
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
             finish: milliseconds(settings.finish_ms),
-            stages: Stages { render, generate, presenter, sinks },
+            stages: Stages { render, generate, needle, presenter, sinks },
             tracker: parts.tracker,
             before: parts.before,
             after: parts.after,

@@ -72,20 +72,20 @@ fn lost(score: &NeedleScore) -> String {
     table.end() + &note
 }
 
-/// Table of the surfaces on the tip's way.
+/// Table of the events on the tip's way.
 fn events(score: &NeedleScore) -> String {
     if score.events.is_empty() {
         return String::new();
     }
-    let mut table = Table::new(["surface", "event", "at", "place x, y, z in mm"]);
+    let mut table = Table::new(["event", "at", "place x, y, z in mm"]);
     for event in &score.events {
         let class = if event.is_forbidden_puncture() { "bad" } else { "" };
         let [x, y, z] = event.position_mm.to_array();
-        let kind = if class.is_empty() { event.kind.to_owned() } else { format!("{}, forbidden", event.kind) };
-        let cells = [escape(&event.surface), kind, format!("{:.2} s", event.time_s), format!("{x:.1}, {y:.1}, {z:.1}")];
+        let (what, at) = (escape(&event.to_string()), format!("{:.2} s", event.time_s));
+        let cells = [what, at, format!("{x:.1}, {y:.1}, {z:.1}")];
         table.row(class, cells);
     }
-    "<h2>Surfaces on the way of the tip</h2>\n".to_owned() + &table.end()
+    "<h2>Events on the way of the tip</h2>\n".to_owned() + &table.end()
 }
 
 /// Projection of the scene onto a plane.
@@ -180,7 +180,7 @@ impl View {
             );
         };
         for event in score.forbidden() {
-            dot(event.position_mm, "bad", &format!("{} {} at {:.1} s", event.surface, event.kind, event.time_s));
+            dot(event.position_mm, "bad", &format!("{event}, at {:.1} s", event.time_s));
         }
         if let Some(entry) = score.entry {
             dot(entry.position_mm, "d", "entry");

@@ -5,7 +5,7 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | u8 × 4 | `INSF` |
-//! | 4 | u16 | version of this layout, 5 |
+//! | 4 | u16 | version of this layout, 6 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
 //! | 7 | u8 | source: 0 raw, 1 generated, 2 held generated |
 //! | 8 | u64 | frame number |
@@ -23,7 +23,7 @@
 //! | 192 | f64 × 7 | `scene_from_needle`: x, y, z in mm, qw, qx, qy, qz; all 0 if it is unknown |
 //! | 248 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
 //! | 248 + 8n | u8 × width × height | the map, row-major |
-//! | | UTF-8 | a line each: name of the generator, operating point, its reason; then the notice |
+//! | | UTF-8 | a line each: name of the generator, operating point, its reason, latest events of the needle's tip; then the notice |
 //!
 //! The maps 2 and 3 of a frame precede the frame's grey levels, and are sent only to pages that request them.
 
@@ -38,7 +38,7 @@ use crate::transducer::placement::Fault;
 
 /// Number of bytes before the values of live settings.
 const FIXED_BYTES: usize = 248;
-const VERSION: u16 = 5;
+const VERSION: u16 = 6;
 /// Largest number of bytes of a line or of the notice; longer texts are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
@@ -76,17 +76,21 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
         Map::Image => texts.map(text),
         Map::Segmentation | Map::Attenuation => [""; 4],
     };
-    let lines = [generator, name, reason];
-    let lines = if lines == [""; 3] { &[] } else { &lines[..] };
+    let (first, events) = match map {
+        Map::Image => ([generator, name, reason], &*frame.tip_events),
+        Map::Segmentation | Map::Attenuation => ([""; 3], &[][..]),
+    };
+    let first = if first == [""; 3] && events.is_empty() { &[] } else { &first[..] };
+    let lines = || first.iter().copied().chain(events.iter().map(|event| text(Some(event))));
     out.clear();
-    let bytes: usize = lines.iter().map(|line| line.len()).sum::<usize>() + lines.len().saturating_sub(1);
+    let bytes = lines().map(|line| line.len() + 1).sum::<usize>().saturating_sub(1);
     header(frame, map, [bytes as u16, notice.len() as u16], out);
     match map {
         Map::Image => out.extend_from_slice(&frame.image),
         Map::Segmentation => out.extend_from_slice(&frame.segmentation),
         Map::Attenuation => out.extend(frame.attenuation.iter().map(|&a| (a * 255.0 + 0.5) as u8)),
     }
-    for (nth, line) in lines.iter().enumerate() {
+    for (nth, line) in lines().enumerate() {
         if nth > 0 {
             out.push(b'\n');
         }
@@ -208,7 +212,7 @@ mod tests {
     fn every_field_lies_where_the_table_says() {
         let mut out = Vec::new();
         encode(&frame(), Map::Image, &mut out);
-        assert_eq!(&out[..8], b"INSF\x05\x00\x01\x02");
+        assert_eq!(&out[..8], b"INSF\x06\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         let values: Vec<f64> = frame().info.settings.values().collect();

@@ -10,8 +10,9 @@
 //! | [`NEEDLE_POSE_TOPIC`] | as [`POSE_TOPIC`] | `scene_from_needle` as the session used it; only in sessions with a needle |
 //!
 //! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes to
-//! find in a session. Events whose names begin with `truth.` describe a generated session, for training. Reports on a
-//! session use these events only for the planes of a recording without [`EXAM_EVENT`].
+//! find in a session. Events whose names begin with `needle.` tell what the tip of a needle did. Events whose names begin
+//! with `truth.` describe a generated session, for training: reports use them only for the planes of a recording without
+//! [`EXAM_EVENT`].
 //!
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns` and `format_version`. The choice of the probe among several sensors is `sensor` (a number), `tool`
