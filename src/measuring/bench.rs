@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::timed_needle;
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
 use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Job, Quality, RenderError, RenderSettings, Renderer, TraceBy};
@@ -122,10 +123,10 @@ pub fn measure(
         progress();
     };
     let frames_per_s = match workload.flow {
-        Flow::Many => many(&mut renderer, poses, frames, &mut measured)?,
+        Flow::Many => many(&mut renderer, &probe, poses, frames, &mut measured)?,
         flow => {
             let ahead = if flow == Flow::Overlapped { FRAMES_IN_FLIGHT - 1 } else { 0 };
-            in_turn(&mut renderer, (poses, workload.moves), frames, ahead, &mut measured)?
+            in_turn(&mut renderer, (&probe, poses, workload.moves), frames, ahead, &mut measured)?
         }
     };
     let mut stages = table.stages();
@@ -146,7 +147,7 @@ pub fn measure(
 /// second.
 fn in_turn(
     renderer: &mut Renderer,
-    (poses, moves): (&[Pose], bool),
+    (probe, poses, moves): (&Probe, &[Pose], bool),
     frames: usize,
     ahead: usize,
     measured: &mut impl FnMut(&Frame),
@@ -160,6 +161,7 @@ fn in_turn(
         if moves {
             renderer.set_time_s(number as f64 * FRAME_S);
         }
+        renderer.set_needle(timed_needle(renderer.settings(), probe, pose));
         renderer.submit(pose)?;
         if number < ahead {
             continue;
@@ -179,12 +181,15 @@ fn in_turn(
 /// Renders frames by [`Renderer::render_many`]. Returns frames per second.
 fn many(
     renderer: &mut Renderer,
+    probe: &Probe,
     poses: &[Pose],
     frames: usize,
     measured: &mut impl FnMut(&Frame),
 ) -> Result<f64, RenderError> {
-    let seed = renderer.settings().quality.seed;
-    let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed, needle: None });
+    let settings = *renderer.settings();
+    let needle = |pose: &Pose| timed_needle(&settings, probe, pose);
+    let seed = settings.quality.seed;
+    let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed, needle: needle(&pose) });
     renderer.render_many(jobs.clone().take(WARM_UP), |_, _| Ok::<_, RenderError>(()))?;
     let started = Instant::now();
     renderer.render_many(jobs.take(frames), |_, frame| {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::timed_needle;
 use super::timing::{Cost, TimedFrame, VariantTimes, elapsed_ms, in_turns, timed};
 use crate::anatomy::Bvh;
 use crate::render::{Choice, Effect, EffectChoices, EffectPlan, Frame, RenderError, RenderSettings, Renderer};
@@ -92,6 +93,7 @@ pub fn effect_costs(
 
     let bvh = Bvh::build(scene).map_err(RenderError::from)?;
     let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
+    renderer.set_needle(timed_needle(settings, probe, pose));
     let mut frame = Frame::default();
     // Compiles each variant's pipelines before timing.
     variants.iter().try_for_each(|variant| renderer.reconfigure(probe, variant))?;

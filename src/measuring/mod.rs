@@ -22,6 +22,7 @@ mod harness;
 mod knobs;
 mod look_cost;
 mod measured_errors;
+mod needle;
 mod plan_costs;
 mod planned;
 mod point;
@@ -47,6 +48,7 @@ pub use error_table::{
 pub use knobs::Knobs;
 pub use look_cost::{LookCost, look_costs};
 pub use measured_errors::{ANGLES, ErrorSettings, RAYS_LAYERS, measure_errors};
+pub use needle::timed_needle;
 pub use plan_costs::{PlanCosts, PlanTable};
 pub use planned::{Planned, planned_points};
 pub use point::{ClassError, Errors, PassMs, Point, Time};

@@ -16,7 +16,7 @@ use super::{Generators, RecordError};
 use crate::anatomy::Scene;
 use crate::chooser;
 use crate::generator::{Generator, GeneratorError, Kind, load_generators};
-use crate::measuring::MeasuringError;
+use crate::measuring::{MeasuringError, timed_needle};
 use crate::pose::Pose;
 use crate::recording::RecorderHandle;
 use crate::render::{Effect, RenderError};
@@ -100,7 +100,9 @@ impl LiveStation {
         let mut messages = Vec::new();
         let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };
         let needle = station.standing_needle();
-        renderer.set_needle(needle);
+        // A tracked needle is not known yet, but its time is.
+        let at = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
+        renderer.set_needle(needle.or_else(|| timed_needle(&station.settings, &station.probe, &at)));
         let poses = WithStandingNeedle { poses, needle };
         let is_needle = station.settings.needle.is_some_and(|needle| needle.kind != NeedleKind::Pointer);
         let watch = is_needle.then(|| factory.needle_watch(station.exercise.as_ref()));

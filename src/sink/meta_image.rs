@@ -3,7 +3,9 @@
 //! them back.
 //!
 //! Each image has a `ProbeToTrackerTransform` (our `scene_from_probe`) and an `ImageToProbeTransform` (pixels to mm;
-//! the first pixel's centre is 0 0, x points right and y down). Both have a status, and are written row by row in mm.
+//! the first pixel's centre is 0 0, x points right and y down). In a session with a needle it also has a
+//! `NeedleTipToTrackerTransform` (our `scene_from_needle`: origin at the tip, z from the hub to the tip). Each has a status,
+//! and is written row by row in mm.
 
 use std::fmt::Write as _;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -32,6 +34,8 @@ pub struct ImageTracking {
     pub pose: Pose,
     /// Whether the pose was measured; otherwise it is written as invalid.
     pub tracked: bool,
+    /// `scene_from_needle`; where it is unknown, it is written as invalid. None in any image: it is not written.
+    pub needle: Option<Pose>,
 }
 
 /// Writer of a sequence of 8-bit images.
@@ -77,13 +81,20 @@ impl MetaImageWriter {
         }
         out.write_all(behind.as_bytes()).map_err(io())?;
         let image_to_probe = row_by_row(&image_to_probe(sector));
+        let has_needle = images.iter().any(|image| image.needle.is_some());
         let mut text = String::new();
         for (number, image) in images.iter().enumerate() {
             text.clear();
             let status = if image.tracked { "OK" } else { "INVALID" };
-            let matrix = DMat3::from_quat(image.pose.orientation);
-            let probe_to_tracker = row_by_row(&(matrix, image.pose.position_mm));
-            for (key, value) in [
+            let to_tracker = |pose: &Pose| row_by_row(&(DMat3::from_quat(pose.orientation), pose.position_mm));
+            let probe_to_tracker = to_tracker(&image.pose);
+            let needle_to_tracker = to_tracker(&image.needle.unwrap_or(Pose::IDENTITY));
+            let needle_status = if image.needle.is_some() { "OK" } else { "INVALID" };
+            let of_needle = [
+                ("NeedleTipToTrackerTransform", &needle_to_tracker as &dyn std::fmt::Display),
+                ("NeedleTipToTrackerTransformStatus", &needle_status),
+            ];
+            let fields = [
                 ("FrameNumber", &number as &dyn std::fmt::Display),
                 ("ImageStatus", &"OK"),
                 ("ImageToProbeTransform", &image_to_probe),
@@ -92,7 +103,8 @@ impl MetaImageWriter {
                 ("ProbeToTrackerTransformStatus", &status),
                 ("Timestamp", &image.time_s),
                 ("UnfilteredTimestamp", &image.time_s),
-            ] {
+            ];
+            for (key, value) in fields.into_iter().chain(of_needle.into_iter().filter(|_| has_needle)) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "Seq_Frame{number:04}_{key} = {value}");
             }

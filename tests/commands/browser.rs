@@ -49,6 +49,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         mask: vec![255; pixels].into(),
         generator: None,
         point: None,
+        tip_events: [].into(),
         notice: None,
     }
 }

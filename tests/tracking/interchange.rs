@@ -296,7 +296,8 @@ fn tracking(i: u32) -> ImageTracking {
         position_mm: DVec3::new(1.0 / 3.0, f64::from(i), -80.0),
         orientation: DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle),
     };
-    ImageTracking { time_s: f64::from(i) * 0.05, pose, tracked: i != 2 }
+    let needle = (i != 3).then(|| Pose { position_mm: DVec3::new(1.0, 2.0, f64::from(i)), ..pose });
+    ImageTracking { time_s: f64::from(i) * 0.05, pose, tracked: i != 2, needle }
 }
 
 /// Pixels of all images in a sequence file, one image after the other.
@@ -335,6 +336,10 @@ fn written_sequences_are_read_back() {
             let Some(pose) = row.pose else { continue };
             assert_eq!(pose.position_mm, sent.pose.position_mm);
             assert!(pose.orientation.angle_between(sent.pose.orientation) < 1e-7);
+        }
+        let needles = tracked(&head, "NeedleTipToTrackerTransform", &path).unwrap();
+        for (row, sent) in needles.iter().zip(&tracking) {
+            assert_eq!(row.pose.map(|pose| pose.position_mm), sent.needle.map(|needle| needle.position_mm));
         }
         // The transform from pixels to the probe frame is the sector's.
         let numbers: Vec<f64> =

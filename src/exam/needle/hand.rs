@@ -34,7 +34,7 @@ const DRAWN_BACK: f64 = 0.35;
 const PRESS_MM: f64 = 2.0;
 
 /// Smallest angle between needle and beam by approach, degrees, and room between face and needle, mm.
-const IN_PLANE_DEG: f64 = 45.0;
+const IN_PLANE_DEG: f64 = 40.0;
 const OUT_OF_PLANE_DEG: f64 = 35.0;
 const ROOM_MM: f64 = 5.0;
 /// Largest of these angles, degrees.

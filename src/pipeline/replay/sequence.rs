@@ -69,6 +69,7 @@ impl Replay {
             time_s: self.timeline.seconds(index),
             pose: self.timeline.poses[index],
             tracked: !self.timeline.is_held(index),
+            needle: self.timeline.needles[index].map(|needle| needle.scene_from_needle),
         };
         let images: Vec<_> = self.frames.clone().map(tracking).collect();
         let mut writer = MetaImageWriter::create(out, &sector, &images, compress)?;

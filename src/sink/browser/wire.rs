@@ -200,6 +200,7 @@ mod tests {
             mask: [255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255].into(),
             generator: Some("MSA".into()),
             point: Some(PointText { name: "1x3 + MSA".into(), reason: "it fits".into() }.into()),
+            tip_events: ["1.2 s: entered cyst".to_owned()].into(),
             notice: Some("no generator µ".into()),
         }
     }
@@ -216,14 +217,14 @@ mod tests {
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         let values: Vec<f64> = frame().info.settings.values().collect();
-        assert_eq!(out[40..48], [2, 0b1011, 21, 0, 15, 0, values.len() as u8, 0]);
+        assert_eq!(out[40..48], [2, 0b1011, 41, 0, 15, 0, values.len() as u8, 0]);
         assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
         let header = header_bytes();
         assert_eq!((f64_at(&out, 160), f64_at(&out, 168)), (0.75, 1.5));
         assert_eq!((0..values.len()).map(|i| f64_at(&out, 248 + 8 * i)).collect::<Vec<_>>(), values);
         assert_eq!(&out[header..header + 12], &frame().image[..]);
-        assert_eq!(&out[header + 12..], "MSA\n1x3 + MSA\nit fitsno generator µ".as_bytes());
+        assert_eq!(&out[header + 12..], "MSA\n1x3 + MSA\nit fits\n1.2 s: entered cystno generator µ".as_bytes());
     }
 
     #[test]
@@ -278,6 +279,7 @@ mod tests {
         let mut out = Vec::new();
         let point = PointText { name: "1x3".into(), reason: "it failed:\r\nno\tmemory µ".into() };
         let frame = PresentedFrame { generator: None, point: Some(point.into()), notice: None, ..frame() };
+        let frame = PresentedFrame { tip_events: [].into(), ..frame };
         encode(&frame, Map::Image, &mut out);
         let texts = &out[header_bytes() + 12..];
         assert_eq!(texts, "\n1x3\nit failed:  no memory µ".as_bytes());
@@ -288,7 +290,11 @@ mod tests {
     fn a_long_notice_is_cut_at_a_character() {
         let mut out = Vec::new();
         let notice = Some("µ".repeat(600) + "x");
-        encode(&PresentedFrame { notice, generator: None, point: None, ..frame() }, Map::Image, &mut out);
+        encode(
+            &PresentedFrame { notice, generator: None, point: None, tip_events: [].into(), ..frame() },
+            Map::Image,
+            &mut out,
+        );
         assert_eq!(out.len(), header_bytes() + 12 + 1024);
         assert!(std::str::from_utf8(&out[header_bytes() + 12..]).is_ok());
     }

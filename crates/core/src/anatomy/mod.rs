@@ -25,7 +25,7 @@ mod wall;
 
 pub use axes::Axes;
 pub use bounds::Bounds;
-pub use bvh::{Bvh, BvhError};
+pub use bvh::{Bvh, BvhError, SegmentSearch};
 pub use mesh::Mesh;
 pub use motion::Motion;
 pub use scene::{Scene, SceneError, Surface};

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::anatomy::{Bvh, BvhError, Scene};
+use crate::anatomy::{Bvh, BvhError, Scene, SegmentSearch};
 
 /// Longest time between two poses of one step, s. After a longer gap the tip is placed anew, without events.
 pub const GAP_S: f64 = 0.25;
@@ -84,6 +84,7 @@ pub struct TipWatch {
     bvh: Arc<Bvh>,
     surfaces: Vec<Watched>,
     last: Option<Place>,
+    search: SegmentSearch,
 }
 
 impl TipWatch {
@@ -97,7 +98,12 @@ impl TipWatch {
 
     /// Watch of the tip in `scene`, whose tree exists already. If the scene moves, the watch copies the tree.
     pub fn with_bvh(scene: &Scene, bvh: Arc<Bvh>) -> Self {
-        Self { bvh, surfaces: vec![Watched::default(); scene.surfaces.len()], last: None }
+        Self {
+            bvh,
+            surfaces: vec![Watched::default(); scene.surfaces.len()],
+            last: None,
+            search: SegmentSearch::default(),
+        }
     }
 
     /// Moves the surfaces of a scene with motion to their places at `time_s` of the scene. A surface that moves over
@@ -155,8 +161,8 @@ impl TipWatch {
 
     /// Puts the tip at its first position, or at its first one after a gap.
     fn place(&mut self, tip: Place) {
-        let windings = self.bvh.windings(tip.position_mm, self.surfaces.len());
-        for (surface, winding) in self.surfaces.iter_mut().zip(windings) {
+        let windings = self.search.windings(&self.bvh, tip.position_mm, self.surfaces.len());
+        for (surface, &winding) in self.surfaces.iter_mut().zip(windings) {
             let entered = winding != 0;
             let punctures = surface.punctures.max(u32::from(entered));
             *surface = Watched { winding, entered, punctures, left_mm: None, away_mm: 0.0 };
@@ -169,8 +175,8 @@ impl TipWatch {
         let way_mm = tip.position_mm - last.position_mm;
         let length_mm = way_mm.length();
         let Some(direction) = way_mm.try_normalize() else { return };
-        let hits = self.bvh.segment_hits(last.position_mm, direction, 0.0, length_mm);
-        let mut rest = hits.as_slice();
+        let mut search = std::mem::take(&mut self.search);
+        let mut rest = search.hits(&self.bvh, last.position_mm, direction, 0.0, length_mm);
         while let Some(first) = rest.first() {
             let at_mm = first.distance_mm;
             let (group, others) = rest.split_at(rest.partition_point(|hit| hit.distance_mm <= at_mm + TOUCH_MM));
@@ -189,14 +195,15 @@ impl TipWatch {
             self.settle(Place { time_s, position_mm: last.position_mm + direction * at_mm }, events);
             rest = others;
         }
+        self.search = search;
     }
 
     /// Updates the winding numbers to those about a place, and adds the events of the change.
     fn settle_at(&mut self, place: Place, events: &mut Vec<TipEvent>) {
-        let windings = self.bvh.windings(place.position_mm, self.surfaces.len());
-        let changed = self.surfaces.iter().zip(&windings).any(|(surface, winding)| surface.winding != *winding);
+        let windings = self.search.windings(&self.bvh, place.position_mm, self.surfaces.len());
+        let changed = self.surfaces.iter().zip(windings).any(|(surface, winding)| surface.winding != *winding);
         if changed {
-            self.surfaces.iter_mut().zip(windings).for_each(|(surface, winding)| surface.winding = winding);
+            self.surfaces.iter_mut().zip(windings).for_each(|(surface, &winding)| surface.winding = winding);
             self.settle(place, events);
         }
     }

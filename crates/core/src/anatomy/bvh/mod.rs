@@ -24,7 +24,7 @@ use super::motion::Drift;
 use super::{Bounds, Scene};
 pub use motion_tables::{MotionTables, Moved};
 use moving::Moving;
-pub use segment::SegmentHit;
+pub use segment::{SegmentHit, SegmentSearch};
 
 /// Size of the traversal stack in the shaders; a node pushes at most one entry.
 pub const STACK_DEPTH_MAX: usize = 32;

@@ -36,16 +36,30 @@ pub struct SegmentHit {
     pub leaves: bool,
 }
 
-impl Bvh {
+/// Buffers of searches along segments. They keep their memory.
+#[derive(Debug, Clone, Default)]
+pub struct SegmentSearch {
+    /// Nodes to visit.
+    open: Vec<u32>,
+    hits: Vec<SegmentHit>,
+    /// Winding numbers along each direction.
+    windings: [Vec<i32>; 3],
+    /// For each surface, the distances of its last hit from inside and from outside.
+    last_mm: Vec<[f64; 2]>,
+}
+
+impl SegmentSearch {
     /// All hits of the segment from `start_mm` along the unit `direction`, at distances from `near_mm` to `far_mm`, in
     /// order of distance. Triangles are where the last [`Bvh::set_time_s`] put them, without the drift. A hit on the
     /// common edge of two triangles may be listed twice.
-    pub fn segment_hits(&self, start_mm: DVec3, direction: DVec3, near_mm: f64, far_mm: f64) -> Vec<SegmentHit> {
-        let start_mm = start_mm - self.centre_mm;
-        let mut hits = Vec::new();
-        let mut open = vec![0u32];
+    pub fn hits(&mut self, bvh: &Bvh, start_mm: DVec3, direction: DVec3, near_mm: f64, far_mm: f64) -> &[SegmentHit] {
+        let Self { open, hits, .. } = self;
+        let start_mm = start_mm - bvh.centre_mm;
+        hits.clear();
+        open.clear();
+        open.push(0);
         while let Some(index) = open.pop() {
-            let Some(words) = self.nodes.get(index as usize) else { continue };
+            let Some(words) = bvh.nodes.get(index as usize) else { continue };
             let node: &CwBvhNode = bytemuck::cast_ref(words);
             for slot in (0..8).filter(|&slot| !node.is_child_empty(slot)) {
                 let child = node.child_aabb(slot);
@@ -58,43 +72,62 @@ impl Bvh {
                     continue;
                 }
                 let (first, count) = node.child_primitives(slot);
-                let leaf = self.triangles.iter().skip(first as usize).take(count as usize);
+                let leaf = bvh.triangles.iter().skip(first as usize).take(count as usize);
                 hits.extend(leaf.filter_map(|t| hit(t, start_mm, direction)));
             }
         }
         hits.retain(|hit| (near_mm..=far_mm).contains(&hit.distance_mm));
-        hits.sort_by(|a, b| a.distance_mm.total_cmp(&b.distance_mm).then(a.surface.cmp(&b.surface)));
+        let order = |a: &SegmentHit, b: &SegmentHit| {
+            a.distance_mm.total_cmp(&b.distance_mm).then((a.surface, a.leaves).cmp(&(b.surface, b.leaves)))
+        };
+        hits.sort_unstable_by(order);
         hits
     }
 
     /// Winding numbers about a point of the first `surfaces` surfaces: 0 outside of a closed surface. Triangles are as
-    /// in [`Bvh::segment_hits`].
-    pub fn windings(&self, point_mm: DVec3, surfaces: usize) -> Vec<i32> {
-        let far_mm = point_mm.distance(self.centre_mm) + 2.0 * self.radius_mm;
-        let along = |direction: DVec3| {
-            let mut windings = vec![0; surfaces];
-            // Distance of the last hit of each surface, from inside and from outside.
-            let mut last_mm = vec![[f64::NEG_INFINITY; 2]; surfaces];
-            for hit in self.segment_hits(point_mm, direction.normalize(), 0.0, far_mm) {
-                let surface = hit.surface as usize;
-                let (Some(winding), Some(last_mm)) = (windings.get_mut(surface), last_mm.get_mut(surface)) else {
-                    continue;
-                };
-                let last_mm = &mut last_mm[usize::from(hit.leaves)];
-                if hit.distance_mm - *last_mm > COINCIDENT_MM {
-                    *winding += if hit.leaves { 1 } else { -1 };
-                }
-                *last_mm = hit.distance_mm;
-            }
-            windings
-        };
-        let [first, second] = [along(DIRECTIONS[0]), along(DIRECTIONS[1])];
-        if first == second {
-            return first;
+    /// in [`Self::hits`].
+    pub fn windings(&mut self, bvh: &Bvh, point_mm: DVec3, surfaces: usize) -> &[i32] {
+        for which in [0, 1] {
+            self.along(bvh, which, point_mm, surfaces);
         }
-        let third = along(DIRECTIONS[2]);
-        let vote = |((a, b), c)| if a == b { a } else { c };
-        first.into_iter().zip(second).zip(third).map(vote).collect()
+        if self.windings[0] != self.windings[1] {
+            self.along(bvh, 2, point_mm, surfaces);
+            let [first, second, third] = &mut self.windings;
+            for ((vote, other), last) in first.iter_mut().zip(second).zip(third) {
+                *vote = if vote == other { *vote } else { *last };
+            }
+        }
+        &self.windings[0]
+    }
+
+    /// Winding numbers by the hits along one of the directions.
+    fn along(&mut self, bvh: &Bvh, which: usize, point_mm: DVec3, surfaces: usize) {
+        let far_mm = point_mm.distance(bvh.centre_mm) + 2.0 * bvh.radius_mm;
+        self.hits(bvh, point_mm, DIRECTIONS[which].normalize(), 0.0, far_mm);
+        let Self { hits, windings, last_mm, .. } = self;
+        let windings = &mut windings[which];
+        windings.clear();
+        windings.resize(surfaces, 0);
+        last_mm.clear();
+        last_mm.resize(surfaces, [f64::NEG_INFINITY; 2]);
+        for hit in hits.iter() {
+            let surface = hit.surface as usize;
+            let (Some(winding), Some(last_mm)) = (windings.get_mut(surface), last_mm.get_mut(surface)) else {
+                continue;
+            };
+            let last_mm = &mut last_mm[usize::from(hit.leaves)];
+            if hit.distance_mm - *last_mm > COINCIDENT_MM {
+                *winding += if hit.leaves { 1 } else { -1 };
+            }
+            *last_mm = hit.distance_mm;
+        }
+    }
+}
+
+impl Bvh {
+    /// [`SegmentSearch::windings`] of a single search.
+    pub fn windings(&self, point_mm: DVec3, surfaces: usize) -> Vec<i32> {
+        SegmentSearch::default().windings(self, point_mm, surfaces).to_vec()
     }
 }
 
@@ -148,14 +181,14 @@ mod tests {
 
     #[test]
     fn the_tree_finds_the_same_hits_as_a_test_of_all_triangles() {
-        let bvh = Bvh::build(&scene()).unwrap();
+        let (bvh, mut search) = (Bvh::build(&scene()).unwrap(), SegmentSearch::default());
         let mut random = SplitMix64::new(5);
         let mut count = 0;
         for _ in 0..500 {
             let mut point = || DVec3::from_array([0; 3].map(|_| random.between(0.0, 90.0)));
             let (start, end) = (point(), point());
             let (direction, far) = ((end - start).normalize(), start.distance(end));
-            let found = bvh.segment_hits(start, direction, 0.0, far);
+            let found = search.hits(&bvh, start, direction, 0.0, far);
             let local = start - bvh.centre_mm;
             let mut all: Vec<_> = bvh.triangles.iter().filter_map(|t| hit(t, local, direction)).collect();
             all.retain(|hit| (0.0..=far).contains(&hit.distance_mm));
@@ -168,12 +201,12 @@ mod tests {
 
     #[test]
     fn edges_and_corners_are_hit() {
-        let bvh = Bvh::build(&scene()).unwrap();
+        let (bvh, mut search) = (Bvh::build(&scene()).unwrap(), SegmentSearch::default());
         for triangle in bvh.triangles.iter().filter(|t| t.surface == 0) {
             let [a, b, c] = bvh.corners_mm(triangle).map(|v| v.as_dvec3());
             for target in [a, 0.5 * (a + b), 0.5 * (b + c), 0.3 * a + 0.7 * c] {
                 let start = DVec3::new(40.1, 40.2, 39.9);
-                let hits = bvh.segment_hits(start, (target - start).normalize(), 0.0, 35.0);
+                let hits = search.hits(&bvh, start, (target - start).normalize(), 0.0, 35.0);
                 let near = start.distance(target);
                 assert!(hits.iter().any(|hit| hit.leaves && (hit.distance_mm - near).abs() < 1e-3), "{target}");
             }
