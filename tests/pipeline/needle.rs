@@ -178,9 +178,10 @@ fn the_events_of_the_tip_are_on_the_frames_and_told() {
     let (unix_ns, entry) = &told.tip[0];
     assert!((entry.position_mm.x - 106.0).abs() < 0.05 && (entry.time_s - 1.2).abs() < 0.2, "{entry:?}");
     assert_eq!(*unix_ns, START_NS + (entry.time_s * 1e9) as u64);
-    let lines = |frame: &PresentedFrame| frame.tip_events.iter().map(|line| line[line.find(':').unwrap()..].to_owned());
+    let told_of = |line: &String| line[line.find(':').unwrap()..].to_owned();
+    let lines = |frame: &PresentedFrame| frame.tip_events.iter().map(told_of).collect::<Vec<_>>();
     assert!(frames.first().is_some_and(|frame| frame.tip_events.is_empty()));
-    let last: Vec<String> = frames.last().map(lines).unwrap().collect();
+    let last = frames.last().map(lines).unwrap();
     assert_eq!(last[0], ": entered cyst");
     assert!(last.iter().any(|line| line == ": entered artery, which is forbidden"), "{last:?}");
     let notice = "needle: entered artery, which is forbidden";

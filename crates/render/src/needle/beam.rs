@@ -65,12 +65,13 @@ impl ScanlineBeam {
         a + (b - a) * (place - low as f64)
     }
 
-    /// Two-way amplitude at an offset from the scanline, 1/mm. Its integral over all offsets is 1.
-    pub(super) fn amplitude(&self, depth_mm: f64, offset_mm: f64) -> f64 {
-        self.beam.at(depth_mm).amplitude(offset_mm) / self.between(depth_mm, |at| at.area_mm)
+    /// Two-way amplitude at a depth, by the offset from the scanline, 1/mm. Its integral over all offsets is 1.
+    pub(super) fn amplitudes(&self, depth_mm: f64) -> impl Fn(f64) -> f64 {
+        let (profile, area_mm) = (self.beam.at(depth_mm), self.between(depth_mm, |at| at.area_mm));
+        move |offset_mm| profile.amplitude(offset_mm) / area_mm
     }
 
-    /// Integral of the squared [`amplitude`](Self::amplitude), 1/mm.
+    /// Integral of the squared [amplitude](Self::amplitudes), 1/mm.
     pub(super) fn power(&self, depth_mm: f64) -> f64 {
         self.between(depth_mm, |at| at.power_mm / (at.area_mm * at.area_mm))
     }

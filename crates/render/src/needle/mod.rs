@@ -50,6 +50,8 @@ const DIFFUSE_ETCHED: f64 = 0.316;
 pub(crate) const NEEDLE_ECHOES_MAX: usize = 1 << 17;
 /// Largest distance of two points of the diffuse echo, mm.
 const POINTS_MM: f64 = 0.25;
+/// Number of cells of the scan plane whose shadows one thread computes together.
+const SHADOW_CELLS: usize = 64;
 /// Distance of two points of the diffuse echo over the standard deviation of the pulse.
 const POINTS_PER_SIGMA: f64 = 2.5;
 
@@ -139,8 +141,9 @@ pub(crate) struct NeedleFrame {
     /// Cells of the scan plane behind the needle, each once.
     pub(crate) shadows: Vec<Shadow>,
     pub(crate) outline: Outline,
-    /// Reused memory for the echoes of each scanline.
+    /// Reused memory for the echoes of each scanline, and for the shadows of each group of cells.
     lines: Vec<Vec<NeedleEcho>>,
+    cells: Vec<Vec<Shadow>>,
 }
 
 /// What a frame's needle depends on, apart from its place.
@@ -185,7 +188,14 @@ impl NeedleFrame {
             *start = self.echoes.len() as u32;
         }
         if let Some(aperture) = view.aperture {
-            tables.add_shadow(&placed, view, aperture, &mut self.shadows);
+            self.cells.resize_with(aperture.sampling.cells.div_ceil(SHADOW_CELLS), Vec::new);
+            self.cells.par_iter_mut().enumerate().for_each(|(group, shadows)| {
+                shadows.clear();
+                let first = group * SHADOW_CELLS;
+                let cells = first..(first + SHADOW_CELLS).min(aperture.sampling.cells);
+                tables.add_shadow(&placed, view, aperture, cells, shadows);
+            });
+            self.cells.iter().for_each(|shadows| self.shadows.extend_from_slice(shadows));
         }
         self.outline = Outline::new(tables, &placed, view.sector);
     }

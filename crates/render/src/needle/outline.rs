@@ -1,5 +1,7 @@
 //! Cross-section of the shaft with the image plane, for the segmentation.
 
+use std::ops::Range;
+
 use insonify_core::transducer::Sector;
 
 use super::{NeedleTables, Placed};
@@ -74,6 +76,27 @@ impl Outline {
         outline
     }
 
+    /// The part of `columns` outside which the cross-section covers no pixel of a row.
+    pub(crate) fn columns(&self, row: u32, columns: Range<u32>) -> Range<u32> {
+        // Squared distance from the axis along the row: a·x² + 2·b·x + c, for x from the tip. In f64, because the
+        // discriminant cancels.
+        let [x, z] = self.corner_mm.map(f64::from);
+        let ([tip_x, tip_y, tip_z], [dx, dy, dz]) = (self.tip_mm.map(f64::from), self.direction.map(f64::from));
+        let (pixel_mm, radius_mm) = (f64::from(self.pixel_mm), f64::from(self.radius_mm));
+        let (y, z) = (-tip_y, z + (f64::from(row) + 0.5) * pixel_mm - tip_z);
+        let along = y * dy + z * dz;
+        let (a, b, c) = (1.0 - dx * dx, -along * dx, y * y + z * z - along * along - radius_mm * radius_mm);
+        if a < 1e-6 {
+            return columns;
+        }
+        // The test of a pixel rounds, but never moves a border by two pixels.
+        let half = (b * b - a * c).max(0.0).sqrt() / a + 2.0 * pixel_mm;
+        let column = |from_tip_mm: f64| (from_tip_mm + tip_x - x) / pixel_mm;
+        let (from, to) = (column(-b / a - half).floor(), column(-b / a + half).ceil());
+        // Conversions saturate.
+        columns.start.max(from as u32)..columns.end.min(to as u32)
+    }
+
     /// Whether the cross-section covers the centre of a pixel.
     pub(crate) fn covers(&self, column: u32, row: u32) -> bool {
         let x = self.corner_mm[0] + (column as f32 + 0.5) * self.pixel_mm - self.tip_mm[0];
@@ -84,5 +107,42 @@ impl Outline {
         let (ox, oy, oz) = (x - along * dx, y - along * dy, z - along * dz);
         let beside2 = ox * ox + oy * oy + oz * oz;
         along >= 0.0 && along <= self.length_mm && beside2 <= self.radius_mm * self.radius_mm
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use insonify_core::random::SplitMix64;
+
+    use super::*;
+
+    #[test]
+    fn a_row_is_searched_where_it_is_covered() {
+        let mut random = SplitMix64::new(3);
+        let (mut covered, mut searched) = (0, 0);
+        for _ in 0..300 {
+            let mut within = |low: f64, high: f64| random.between(low, high) as f32;
+            let outline = Outline {
+                tip_mm: [within(-25.0, 25.0), within(-0.5, 0.5), within(0.0, 50.0)],
+                length_mm: 40.0,
+                direction: Vec3::new(within(-1.0, 1.0), within(-0.05, 0.05), within(-0.5, 0.5))
+                    .normalize_or(Vec3::X)
+                    .to_array(),
+                radius_mm: within(0.2, 0.9),
+                corner_mm: [-20.0, 0.0],
+                pixel_mm: 0.1,
+                tissue: 1,
+                ..Outline::default()
+            };
+            for row in (0..500).step_by(7) {
+                let columns = outline.columns(row, 0..400);
+                searched += columns.len();
+                let outside = (0..400).filter(|column| !columns.contains(column));
+                assert_eq!(outside.filter(|&column| outline.covers(column, row)).count(), 0, "{outline:?}, row {row}");
+                covered += columns.filter(|&column| outline.covers(column, row)).count();
+            }
+        }
+        assert!(covered > 10_000 && searched < 300 * 72 * 400 / 4, "{covered} {searched}");
     }
 }

@@ -1,5 +1,7 @@
 //! Shadow of the shaft: for each cell of the scan plane, the share of the slice's intensity that the shaft covers.
 
+use std::ops::Range;
+
 use super::scanline::{Line, Scanline, clipped};
 use super::{NeedleTables, Placed, View};
 use crate::aperture::ApertureTables;
@@ -22,20 +24,21 @@ pub(crate) struct Shadow {
 }
 
 impl NeedleTables {
-    /// Adds the cells behind the shaft, each once. The shadow grows over the two depth planes behind the shaft: its middle
+    /// Adds those of `columns` of cells that are behind the shaft, each once. The shadow grows over the two depth planes behind the shaft: its middle
     /// is one and a half planes behind it, which leaves the needle's own echo as it is.
     pub(super) fn add_shadow(
         &self,
         placed: &Placed,
         view: View<'_>,
         aperture: &ApertureTables,
+        columns: Range<usize>,
         into: &mut Vec<Shadow>,
     ) {
         let cells = aperture.sampling.cells;
         let spacing = f64::from(aperture.line_spacing_cells);
         let first = f64::from(aperture.line_cells.first().copied().unwrap_or_default());
         let fraction = |cell: f64| ((cell - first) / spacing + 0.5) / f64::from(view.probe.scanlines);
-        for cell in 0..cells {
+        for cell in columns {
             let (mut share, mut depth_mm) = (0.0, 0.0);
             for i in 0..POSITIONS {
                 let position = cell as f64 + (f64::from(i) + 0.5) / f64::from(POSITIONS) - 0.5;

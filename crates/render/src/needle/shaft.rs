@@ -117,9 +117,10 @@ impl NeedleTables {
         let across_mm = (to - from) * line.direction.truncate().length();
         let steps = (across_mm / STEP_MM).ceil().clamp(12.0, 160.0);
         let step = (to - from) / steps;
+        let amplitude = self.beam.amplitudes(depth_mm);
         let at = |i: u32| {
             let point = line.at(from + (f64::from(i) + 0.5) * step);
-            self.beam.amplitude(depth_mm, point.x) * self.slice.field(depth_mm, point.y)
+            amplitude(point.x) * self.slice.field(depth_mm, point.y)
         };
         (0..steps as u32).map(at).sum::<glam::DVec2>().length() * step
     }
@@ -140,7 +141,7 @@ impl NeedleTables {
             if point.x.abs() > self.beam.reach_mm(point.z) {
                 continue;
             }
-            let field = self.beam.amplitude(point.z, point.x) * self.slice.field(point.z, point.y).length();
+            let field = self.beam.amplitudes(point.z)(point.x) * self.slice.field(point.z, point.y).length();
             let amplitude = self.diffuse * self.strength_mm * field * (spacing_mm / self.beam.power(point.z)).sqrt();
             if amplitude > LEAST {
                 into.push(NeedleEcho {

@@ -14,7 +14,8 @@ pub(in crate::host) fn needle_map(
     let outline = Outline { radius_mm: constants.needle_radius() * outline.radius_mm, ..*outline };
     let ([first_column, first_row], [columns, rows]) = (outline.first, outline.size);
     for row in first_row..(first_row + rows).min(height) {
-        for column in first_column..(first_column + columns).min(width) {
+        let end = (first_column + columns).min(width);
+        for column in outline.columns(row, first_column..end) {
             let pixel = &mut segmentation[(row * width + column) as usize];
             if *pixel != 0 && outline.covers(column, row) {
                 *pixel = outline.tissue as u8;
