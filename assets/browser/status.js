@@ -65,7 +65,7 @@ export class Status {
   unknown() {
     for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
     byId("contact").hidden = true;
-    byId("needle").hidden = byId("needle_switch").hidden = byId("tip_switch").hidden = true;
+    byId("needle").hidden = byId("needle_switch").hidden = byId("tip_switch").hidden = byId("tip_list").hidden = true;
     this.announced.needle = null;
     this.latencies = [];
     this.arrivals = [];

@@ -150,7 +150,7 @@ impl Exercise {
         interruptibly(py, move || {
             let start = course.start()?;
             let planned = || Plan::of(&course.exercise, &course.loaded.scene, &course.probe, &start).map_err(of_hand);
-            let Plan { aim_mm, entry_mm, probe } = on_pool(planned)?;
+            let Plan { aim_mm, entry_mm, probe, .. } = on_pool(planned)?;
             Ok((aim_mm.to_array(), entry_mm.to_array(), components(&probe)))
         })
     }

@@ -44,7 +44,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "sessions")]
     force: bool,
 
-    /// Planes to look for, in this order, or `all` [default: all of the scene, if the station has no exercise]
+    /// Planes to look for, in this order, or `all` [default: the station's exercise, else all planes]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',', value_parser = input::plane, requires = "station")]
     planes: Vec<String>,
 
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = sweep::SEED, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Length of a session, s, up to 3600 [default: 15 a plane]; an exercise ends in the target
+    /// Length of a session that looks for planes, s, up to 3600 [default: 15 a plane]
     #[arg(long, value_name = "S", requires = "station", allow_negative_numbers = true)]
     duration: Option<f64>,
 
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 fn exercise(args: &Args, station: &Station) -> Result<(), Failure> {
     for (given, option) in [(args.duration.is_some(), "--duration"), (args.shuffle, "--shuffle")] {
         if given {
-            let text = "has no effect on an exercise, which ends in the target; --planes all looks for planes instead";
+            let text = "is only for sessions that look for planes; --planes all makes one";
             return Err(Failure::Input(anyhow!("{option} {text}")));
         }
     }

@@ -56,14 +56,14 @@ pub struct WrittenExam {
     pub duration_s: f64,
     /// Pose rate, Hz.
     pub rate_hz: u32,
-    /// Moments at which the hand holds a standard plane.
+    /// Moments at which the hand holds a standard plane, or ends a pass of the needle.
     pub key_frames: Vec<KeyFrame>,
 }
 
-/// A moment at which the hand holds a standard plane.
+/// A moment at which the hand holds a standard plane, or ends a pass of the needle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct KeyFrame {
-    /// Name of the standard plane.
+    /// Name of the standard plane, or `end of pass N`.
     pub name: String,
     /// Time from the start, s.
     pub time_s: f64,
@@ -72,7 +72,7 @@ pub struct KeyFrame {
 impl fmt::Display for WrittenExam {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hand = self.skill.map_or_else(String::new, |skill| format!(", hand: {skill}"));
-        writeln!(f, "{} s at {} poses a second, seed {}{hand}", self.duration_s, self.rate_hz, self.seed)?;
+        writeln!(f, "{:.1} s at {} poses a second, seed {}{hand}", self.duration_s, self.rate_hz, self.seed)?;
         self.key_frames.iter().try_for_each(|k| writeln!(f, "{:6.1} s  {}", k.time_s, k.name))?;
         writeln!(f, "{}", self.path.display())
     }

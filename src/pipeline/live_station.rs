@@ -100,7 +100,7 @@ impl LiveStation {
         let mut messages = Vec::new();
         let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };
         let needle = station.standing_needle();
-        // A tracked needle is not known yet, but its time is.
+        // A tracked needle has no pose yet. It is timed at an assumed one, so the operating point has time for it.
         let at = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
         renderer.set_needle(needle.or_else(|| timed_needle(&station.settings, &station.probe, &at)));
         let poses = WithStandingNeedle { poses, needle };

@@ -17,9 +17,9 @@ use crate::transducer::Probe;
 /// Summary of the needle's tip in a session.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct NeedleSummary {
-    /// Number of poses offered: those of the frames in which the needle was known.
+    /// Number of frames with a known needle, whose poses were offered.
     pub offered: u64,
-    /// Number of poses replaced by newer ones. The way to the next pose is straight then.
+    /// Number of poses replaced by newer ones. The tip is then followed in a straight line across them.
     pub dropped: u64,
     /// Number of events of each kind.
     pub events: BTreeMap<&'static str, u64>,

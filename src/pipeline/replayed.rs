@@ -74,9 +74,9 @@ pub struct ReplayedNeedle {
 }
 
 impl ReplayedNeedle {
-    /// The needle of a live session at `time_ns`, as [`ReplayedPoses::at`]; `None` while its tracking is lost.
-    pub fn at(&mut self, time_ns: u64) -> Option<Needle> {
-        NeedleEstimate::of(&self.poses.at(time_ns), self.bevel_known).needle
+    /// The needle of a live session at `time_ns`, as [`ReplayedPoses::at`].
+    pub fn at(&mut self, time_ns: u64) -> NeedleEstimate {
+        NeedleEstimate::of(&self.poses.at(time_ns), self.bevel_known)
     }
 }
 

@@ -139,7 +139,7 @@ pub struct Summary {
     pub points: Option<PointSummary>,
     /// Summary of the generator; none without one.
     pub generator: Option<GeneratorSummary>,
-    /// Summary of the needle's tip; none without a needle.
+    /// Summary of the needle's tip; none without a needle, and for a pointer.
     pub needle: Option<NeedleSummary>,
     /// Summary of each sink.
     pub sinks: Vec<SinkSummary>,

@@ -34,8 +34,10 @@ pub struct ImageTracking {
     pub pose: Pose,
     /// Whether the pose was measured; otherwise it is written as invalid.
     pub tracked: bool,
-    /// `scene_from_needle`; where it is unknown, it is written as invalid. None in any image: it is not written.
+    /// `scene_from_needle`; none if it is unknown. If no image has one, none is written.
     pub needle: Option<Pose>,
+    /// Whether that pose was measured; otherwise it is written as invalid.
+    pub needle_tracked: bool,
 }
 
 /// Writer of a sequence of 8-bit images.
@@ -89,7 +91,7 @@ impl MetaImageWriter {
             let to_tracker = |pose: &Pose| row_by_row(&(DMat3::from_quat(pose.orientation), pose.position_mm));
             let probe_to_tracker = to_tracker(&image.pose);
             let needle_to_tracker = to_tracker(&image.needle.unwrap_or(Pose::IDENTITY));
-            let needle_status = if image.needle.is_some() { "OK" } else { "INVALID" };
+            let needle_status = if image.needle.is_some() && image.needle_tracked { "OK" } else { "INVALID" };
             let of_needle = [
                 ("NeedleTipToTrackerTransform", &needle_to_tracker as &dyn std::fmt::Display),
                 ("NeedleTipToTrackerTransformStatus", &needle_status),

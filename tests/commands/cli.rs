@@ -900,7 +900,7 @@ fn a_plan_measures_the_cost_of_effects() {
 
 #[test]
 fn an_option_of_another_mode_is_refused() {
-    // clap doesn't enforce that an option needs another one beside an argument that excludes that one.
+    // clap skips `requires` if the required option conflicts with an argument that is given.
     for (command, option) in [
         (&["calibrate", "probe", "a.mcap", "--sensor", "2"][..], "--sensor"),
         (&["calibrate", "probe", "a.mcap", "--tool", "Probe"], "--tool"),

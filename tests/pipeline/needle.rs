@@ -37,11 +37,11 @@ struct Tools {
 }
 
 impl Tools {
-    fn new() -> Self {
+    fn new(silent: &std::ops::Range<Duration>) -> Self {
         let replayed = |measurements| ReplayedPoses::new(Estimator::new(PoseSettings::default()), measurements, &[]);
         Self {
             probe: replayed(measurements(0.0, &(Duration::ZERO..Duration::ZERO))),
-            needle: replayed(measurements(100.0, &SILENT)),
+            needle: replayed(measurements(100.0, silent)),
         }
     }
 }
@@ -86,6 +86,16 @@ fn session(
     control: Option<(Duration, Duration)>,
     observer: Option<Arc<dyn Observer>>,
 ) -> (Vec<PresentedFrame>, Vec<Option<Needle>>) {
+    let (frames, needles, _) = session_of(Tools::new(&SILENT), control, observer);
+    (frames, needles)
+}
+
+/// Runs a session of these tools, whose picture is frozen as `control` says. Also returns its summary.
+fn session_of(
+    tools: Tools,
+    control: Option<(Duration, Duration)>,
+    observer: Option<Arc<dyn Observer>>,
+) -> (Vec<PresentedFrame>, Vec<Option<Needle>>, Summary) {
     let clock = clock();
     let (frames, needles) = (Arc::<Mutex<Vec<PresentedFrame>>>::default(), Needles::default());
     let (sender, controls) = tokio::sync::mpsc::channel(4);
@@ -104,7 +114,7 @@ fn session(
     let (scene, exercise) = balls();
     let watch = NeedleWatch::new(TipWatch::new(&scene).unwrap(), &scene, Some(&exercise));
     let session = Session {
-        poses: Box::new(Tools::new()),
+        poses: Box::new(tools),
         needle: Some(watch),
         sinks: vec![display],
         needles: Some(needles.clone()),
@@ -112,10 +122,10 @@ fn session(
         observer,
         ..Session::new(&clock, resting)
     };
-    session.run();
+    let summary = session.run();
     let frames = Arc::into_inner(frames).unwrap().into_inner().unwrap();
     let needles = std::mem::take(&mut *needles.lock().unwrap());
-    (frames, needles)
+    (frames, needles, summary)
 }
 
 #[test]
@@ -163,7 +173,11 @@ fn a_lost_needle_never_stops_the_picture() {
 fn the_events_of_the_tip_are_on_the_frames_and_told() {
     let _guard = beside_others();
     let heard = Arc::new(Heard::default());
-    let (frames, _) = session(None, Some(heard.clone()));
+    let (frames, _, summary) = session_of(Tools::new(&SILENT), None, Some(heard.clone()));
+    let counts = summary.needle.as_ref().unwrap();
+    assert_eq!((counts.events["target-reached"], counts.forbidden), (1, 1), "{counts:?}");
+    assert!(counts.offered > 100 && counts.dropped < counts.offered, "{counts:?}");
+    assert!(summary.to_string().contains("(1 forbidden), target reached 1 times"), "{summary}");
     let told = heard.0.lock().unwrap();
     let kinds: Vec<_> = told.tip.iter().map(|(_, event)| (event.kind.name(), event.surface.as_deref())).collect();
     let expected = [
@@ -186,6 +200,33 @@ fn the_events_of_the_tip_are_on_the_frames_and_told() {
     assert!(last.iter().any(|line| line == ": entered artery, which is forbidden"), "{last:?}");
     let notice = "needle: entered artery, which is forbidden";
     assert!(frames.iter().any(|frame| frame.notice.as_deref() == Some(notice)));
+}
+
+#[test]
+fn nothing_happens_in_a_frozen_picture_and_none_of_it_afterwards() {
+    let _guard = beside_others();
+    let heard = Arc::new(Heard::default());
+    // The needle leaves the cyst 2.8 s after the start.
+    let frozen = (2 * SECOND, Duration::from_millis(2900));
+    session_of(Tools::new(&SILENT), Some(frozen), Some(heard.clone()));
+    let told = heard.0.lock().unwrap();
+    assert!(told.tip.iter().any(|(_, event)| event.surface.as_deref() == Some("cyst")));
+    assert!(told.tip.iter().all(|(_, event)| event.kind.name() != "left" || event.time_s > 3.0), "{:?}", told.tip);
+    assert!(told.tip.iter().all(|(_, event)| !(2.2..2.9).contains(&event.time_s)), "{:?}", told.tip);
+}
+
+#[test]
+fn a_needle_that_was_silent_goes_no_straight_way_back() {
+    let _guard = beside_others();
+    let heard = Arc::new(Heard::default());
+    // Outside the artery before the silence, and inside it afterwards. It is stale meanwhile, and never lost.
+    let silent = Duration::from_millis(6500)..Duration::from_millis(8000);
+    let (frames, ..) = session_of(Tools::new(&silent), None, Some(heard.clone()));
+    let states: Vec<TrackingState> = frames.iter().map(|frame| frame.info.needle.unwrap().state).collect();
+    assert!(states.contains(&TrackingState::Stale) && !states[20..].contains(&TrackingState::Lost));
+    let told = heard.0.lock().unwrap();
+    let of_artery = told.tip.iter().filter(|(_, event)| event.surface.as_deref() == Some("artery"));
+    assert_eq!(of_artery.map(|(_, event)| event.kind.name()).collect::<Vec<_>>(), ["left"]);
 }
 
 #[test]
@@ -240,7 +281,7 @@ fn a_needle_may_stand_still_in_any_session() {
     let needle = Needle { scene_from_needle: pose(7.0), bevel_known: true };
     let mut source = WithStandingNeedle { poses: Poses(resting), needle: Some(needle) };
     assert_eq!(source.sample_needle(START_NS, START_NS).unwrap().needle, Some(needle));
-    let mut tracked = WithStandingNeedle { poses: Tools::new(), needle: Some(needle) };
+    let mut tracked = WithStandingNeedle { poses: Tools::new(&SILENT), needle: Some(needle) };
     assert_eq!(tracked.sample_needle(START_NS, START_NS).unwrap().state, TrackingState::Held);
     let mut none = TrackedPoses::new(Estimator::new(PoseSettings::default()));
     none.push_needle(&measurements(0.0, &SILENT)[0]);

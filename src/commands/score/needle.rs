@@ -18,19 +18,20 @@ pub(super) fn needle_samples(exam: &RecordedExam) -> Vec<Sample> {
         return Vec::new();
     }
     let mut next = 0;
-    let sample = |probe: &TimedPose| {
+    let sample = |(probe, &frozen): (&TimedPose, &bool)| {
         while exam.needle.get(next).is_some_and(|needle| needle.host_time_ns <= probe.host_time_ns) {
             next += 1;
         }
         let last = next.checked_sub(1).and_then(|last| exam.needle.get(last));
-        let held = last.filter(|last| probe.host_time_ns - last.host_time_ns <= HELD_NS);
+        // A frozen picture holds the needle and the scene, so nothing happens in it.
+        let held = last.filter(|last| !frozen && probe.host_time_ns - last.host_time_ns <= HELD_NS);
         // The recorded poses don't say whether the turn about the shaft was measured, and the score doesn't need it.
         let needle = held.map(|held| Needle { scene_from_needle: held.pose, bevel_known: false });
-        // Scene time, so that moving surfaces are where they were in the session.
+        // Time of the scene, so that moving surfaces are where they were in the session until it was frozen.
         let time_s = 1e-9 * probe.host_time_ns.saturating_sub(exam.summary.info.start_time_ns) as f64;
         Sample { time_s, probe: Some(probe.pose), needle }
     };
-    exam.poses.iter().map(sample).collect()
+    exam.poses.iter().zip(&exam.frozen).map(sample).collect()
 }
 
 /// The station's exercise in its scene, and the elevational profile of its probe.

@@ -24,7 +24,7 @@ pub enum NeedleEventKind {
     TargetReached,
     /// The image has not shown the tip for [`SETTLED_S`](super::slice::SETTLED_S), although it is in tissue.
     OutOfSlice,
-    /// The image has shown the tip again for as long.
+    /// The image has shown the tip again for [`SETTLED_S`](super::slice::SETTLED_S).
     InSlice,
 }
 

@@ -221,7 +221,7 @@ pub struct Phase {
     pub time_s: f64,
     /// Number of the pass, from 1.
     pub pass: u32,
-    /// `advance`, `rest` (at the end of the pass) or `withdraw`.
+    /// `aim` (between two passes), `advance`, `rest` (at the end of the pass) or `withdraw`.
     pub name: &'static str,
 }
 
@@ -279,7 +279,7 @@ pub fn samples(
     Ok(Plan::of(exercise, scene, probe, start)?.session(skill, seed).samples)
 }
 
-/// Phases of all passes: each ends at the part 1 of the way, and rests there.
+/// Phases of all passes. A pass advances to the end of the way (`part` 1), rests there, and withdraws.
 fn phases(stops: &[Stop]) -> Vec<Phase> {
     let (mut phases, mut pass): (Vec<Phase>, u32) = (Vec::new(), 1);
     for pair in stops.windows(2) {
@@ -292,7 +292,9 @@ fn phases(stops: &[Stop]) -> Vec<Phase> {
             Ordering::Less => {
                 phases.push(Phase { time_s: from.leave_s, pass, name: "withdraw" });
                 pass += 1;
+                phases.push(Phase { time_s: to.arrive_s, pass, name: "aim" });
             }
+            // The needle is turned to another aim.
             Ordering::Equal => {}
         }
     }

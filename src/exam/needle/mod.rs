@@ -1,9 +1,8 @@
 //! Exercises with a tracked needle: definition, score, and a simulated hand.
 //!
-//! [`Exercise`] says what is to be reached and what is to be spared. [`score`] judges [`Sample`]s of a session against it;
-//! [`NeedleFollower`] takes them one by one, while the session
-//! goes on; [`NeedleWatch`] tells what the tip does, and keeps nothing. [`hand`] makes samples of an expert or a novice, and
-//! [`Exercises`] records them.
+//! [`Exercise`] says what is to be reached and what is to be spared. [`score`] judges [`Sample`]s of a session against it.
+//! [`NeedleFollower`] takes them one by one, while the session goes on. [`NeedleWatch`] reports the events of the tip without
+//! storing the session. [`hand`] makes samples of an expert or a novice, and [`Exercises`] records them.
 
 mod elevation;
 mod event;

@@ -10,7 +10,8 @@ use crate::exam::{ExamError, LATENCY_NS, START_TIME_NS, encode};
 use crate::pose::{Calibration, Pose, TimedPose};
 use crate::recording::Event;
 
-/// Name of the events that tell the hand's intention: `{"pass": 1, "phase": "advance" | "rest" | "withdraw"}`. The first
+/// Name of the events that tell the hand's intention: `{"pass": 1, "phase": "aim" | "advance" | "rest" | "withdraw"}`. The
+/// first
 /// one also has `aim_mm` and `entry_mm`.
 pub const TRUTH_EVENT: &str = "truth.needle";
 
@@ -26,7 +27,7 @@ pub struct Exercises {
     /// Calibration of the station that reads the recordings. The recorded poses of the probe are those that its tracker
     /// would measure.
     pub probe: Calibration,
-    /// The same for the needle, with the needle's mounting in place of the probe's.
+    /// Calibration of the needle's sensor: the probe's, with the needle's mounting in place of the probe's.
     pub needle: Calibration,
 }
 

@@ -12,7 +12,7 @@ use crate::transducer::{Probe, Sector};
 /// Level above which the tip counts as visible, dB.
 const VISIBLE_DB: f64 = -6.0;
 
-/// Time for which the tip must be visible, or not, before an event says so, s. It is longer than a period of tremor
+/// Time for which a change of visibility must last before it is an event, s. It is longer than a period of tremor
 /// (assumed).
 pub const SETTLED_S: f64 = 0.25;
 
@@ -58,7 +58,12 @@ impl Default for SliceWatch {
 }
 
 impl SliceWatch {
-    /// Takes the needle at a time; no slice without an image. Returns the event, if there is one.
+    /// Forgets since when the tip has been visible or not, because it was not followed for a while.
+    pub(super) fn interrupt(&mut self) {
+        self.changed_s = None;
+    }
+
+    /// Adds a sample; `slice` is `None` without an image. Returns the event of a lasting change.
     pub(super) fn advance(
         &mut self,
         time_s: f64,
@@ -108,5 +113,8 @@ mod tests {
         assert_eq!(told, [("out-of-slice", 75), ("in-slice", 195)]);
         assert_eq!(watch.advance(4.0, false, seen(false)), None);
         assert_eq!(watch.advance(4.1, true, seen(false)), None, "it has just entered");
+        watch.interrupt();
+        assert_eq!(watch.advance(6.0, true, seen(false)), None, "it was not followed meanwhile");
+        assert_eq!(watch.advance(6.3, true, seen(false)).map(NeedleEventKind::name), Some("out-of-slice"));
     }
 }

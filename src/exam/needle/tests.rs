@@ -200,3 +200,11 @@ fn the_plan_aims_inside_the_target_and_shows_the_way() {
     let error = plan(&Exercise { target: far, ..exercise(Approach::Any) }).unwrap_err();
     assert!(matches!(error, HandError::NoSkin { .. }) && error.to_string().contains("no skin"), "{error}");
 }
+
+#[test]
+fn a_tip_that_begins_in_the_target_has_reached_it_without_an_event() {
+    let still: Vec<Sample> = (0..30).map(|i| sample(f64::from(i) * 0.05, DVec3::Z * 30.0, DOWN)).collect();
+    let score = judged(&still, &exercise(Approach::Any));
+    assert!(score.reached.is_some_and(|reached| reached.time_s == 0.0), "{score}");
+    assert_eq!(score.events, []);
+}

@@ -65,12 +65,12 @@ impl NeedleTrack {
 
     /// Adds a sample after which the tip is in `state`. Its events are those from the index `first` on.
     fn add(&mut self, sample: &Sample, direction: DVec3, state: &TipState, first: usize) {
-        let TipState { here, in_tissue, slice } = *state;
+        let TipState { here, in_tissue, in_target, slice } = *state;
         let events = self.events.get(first..).unwrap_or_default();
         let entered = events.iter().find(|event| event.kind.is_entry()).map(Moment::from);
         self.entry = self.entry.or(entered).or(in_tissue.then_some(here));
         let reached = events.iter().find(|event| event.kind == NeedleEventKind::TargetReached).map(Moment::from);
-        self.reached = self.reached.or(reached);
+        self.reached = self.reached.or(reached).or(in_target.then_some(here));
         let step_mm = self.tip_mm.last().map_or(0.0, |&last_mm| direction.dot(here.position_mm - last_mm));
         self.advance_mm.push(self.advance_mm.last().copied().unwrap_or_default() + step_mm);
         self.time_s.push(here.time_s);

@@ -34,6 +34,8 @@ pub struct TipState {
     pub here: Moment,
     /// Whether the tip is inside a surface of the scene.
     pub in_tissue: bool,
+    /// Whether the tip is in the target.
+    pub in_target: bool,
     /// The needle relative to the image; `None` without a probe.
     pub slice: Option<TipInSlice>,
 }
@@ -89,23 +91,27 @@ impl NeedleWatch {
     ) -> Option<TipState> {
         let needle = sample.needle.filter(|needle| needle.tip_mm().is_finite())?;
         let here = Moment { time_s: sample.time_s, position_mm: needle.tip_mm() };
-        let before = self.last.replace(here).filter(|before| here.time_s - before.time_s <= GAP_S).unwrap_or(here);
+        let before = self.last.replace(here).filter(|before| here.time_s - before.time_s <= GAP_S);
+        if before.is_none() {
+            self.slice.interrupt();
+        }
         self.tip.set_scene_time_s(sample.time_s);
         let first = events.len();
         let crossed = self.tip.advance(here.time_s, here.position_mm);
         events.extend(crossed.iter().filter_map(|event| self.crossing(event)));
-        let (medium, in_tissue) = (self.tip.medium(), self.tip.medium().is_some());
-        let reached = self.target(before, here, &crossed, medium);
+        let in_tissue = self.tip.medium().is_some();
+        let in_target = self.is_in_target(here.position_mm);
+        let reached = before.and_then(|before| self.target(before, here, &crossed));
         if let Some(Moment { time_s, position_mm }) = reached.filter(|_| !self.reached) {
             // A surface is entered first, and then it is the target that was reached.
             let at = first + events.iter().skip(first).take_while(|event| event.time_s <= time_s).count();
             events.insert(at, NeedleEvent::of_tip(NeedleEventKind::TargetReached, time_s, position_mm));
         }
-        self.reached = reached.is_some() || (self.reached && in_tissue);
+        self.reached = reached.is_some() || in_target || (self.reached && in_tissue);
         let slice = sample.probe.map(|scene_from_probe| TipInSlice::of(&needle, &scene_from_probe, probe, profile));
         let told = self.slice.advance(here.time_s, in_tissue, slice);
         events.extend(told.map(|kind| NeedleEvent::of_tip(kind, here.time_s, here.position_mm)));
-        Some(TipState { here, in_tissue, slice })
+        Some(TipState { here, in_tissue, in_target, slice })
     }
 
     /// The event of a crossing.
@@ -120,18 +126,28 @@ impl NeedleWatch {
         })
     }
 
-    /// Moment of the step from `before` to `here` at which the tip comes into the target, or is in it from the start.
-    fn target(&self, before: Moment, here: Moment, crossed: &[TipEvent], medium: Option<usize>) -> Option<Moment> {
+    /// Whether the tip, at this place, is in the target.
+    fn is_in_target(&self, tip_mm: DVec3) -> bool {
+        match self.ball {
+            Some((centre_mm, radius_mm)) => tip_mm.distance(centre_mm) <= radius_mm,
+            None => self.tip.medium().is_some_and(|surface| self.is_target(surface)),
+        }
+    }
+
+    fn is_target(&self, surface: usize) -> bool {
+        self.surfaces.get(surface).is_some_and(|surface| surface.is_target)
+    }
+
+    /// Moment of the step from `before` to `here` at which the tip comes into the target.
+    fn target(&self, before: Moment, here: Moment, crossed: &[TipEvent]) -> Option<Moment> {
         if let Some((centre_mm, radius_mm)) = self.ball {
             let part = into_ball(before.position_mm - centre_mm, here.position_mm - centre_mm, radius_mm)?;
             let time_s = before.time_s + part * (here.time_s - before.time_s);
             return Some(Moment { time_s, position_mm: before.position_mm.lerp(here.position_mm, part) });
         }
-        let is_target = |surface: usize| self.surfaces.get(surface).is_some_and(|surface| surface.is_target);
-        let entered =
-            crossed.iter().find(|event| NeedleEventKind::from(event.kind).is_entry() && is_target(event.surface));
-        let entered = entered.map(|event| Moment { time_s: event.time_s, position_mm: event.position_mm });
-        entered.or(medium.filter(|&surface| is_target(surface)).map(|_| here))
+        let is_entry =
+            |event: &&TipEvent| NeedleEventKind::from(event.kind).is_entry() && self.is_target(event.surface);
+        crossed.iter().find(is_entry).map(|event| Moment { time_s: event.time_s, position_mm: event.position_mm })
     }
 }
 

@@ -19,6 +19,8 @@ pub struct RecordedExam {
     pub needle: Vec<TimedPose>,
     /// Image depth at each pose, mm.
     pub depths_mm: Vec<f64>,
+    /// Whether the picture was frozen at each pose.
+    pub frozen: Vec<bool>,
     /// Source of the poses: `session`, or `tracker` with the station's calibration.
     pub source: &'static str,
     /// Content of the recording.
@@ -57,8 +59,8 @@ impl RecordedExam {
         shown(&mut needle, &mut ReplayedControls::new(begin, &summary.events));
         let mut controls = ReplayedControls::new(begin, &summary.events);
         let refused = controls.refused().to_vec();
-        let depths_mm = shown(&mut poses, &mut controls);
-        Ok(Self { poses, needle, depths_mm, source, summary, refused })
+        let (depths_mm, frozen) = shown(&mut poses, &mut controls);
+        Ok(Self { poses, needle, depths_mm, frozen, source, summary, refused })
     }
 }
 
@@ -73,8 +75,9 @@ fn poses_in_scene(tool: &ToolPoses, calibration: &Calibration) -> Vec<TimedPose>
     shown.map(|used| timed(used.host_time_ns, used.pose)).collect()
 }
 
-/// Holds the pose while the picture is frozen. Returns the image depth at each pose, mm.
-fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
+/// Holds the pose while the picture is frozen. Returns, for each pose, the image depth, mm, and whether the picture was
+/// frozen.
+fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> (Vec<f64>, Vec<bool>) {
     let mut last = None;
     let mut each = |timed: &mut TimedPose| {
         let live = controls.at(timed.host_time_ns);
@@ -82,9 +85,9 @@ fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
             timed.pose = last.unwrap_or(timed.pose);
         }
         last = Some(timed.pose);
-        live.probe.depth_mm
+        (live.probe.depth_mm, live.frozen)
     };
-    poses.iter_mut().map(&mut each).collect()
+    poses.iter_mut().map(&mut each).unzip()
 }
 
 #[cfg(test)]
@@ -109,8 +112,9 @@ mod tests {
         ];
         let mut controls = ReplayedControls::new(LiveSettings::default(), &events);
         assert_eq!(controls.refused(), [] as [String; 0]);
-        let depths = shown(&mut poses, &mut controls);
+        let (depths, frozen) = shown(&mut poses, &mut controls);
         assert_eq!(depths, [Probe::default().depth_mm, 90.0, 90.0, 90.0, 90.0]);
+        assert_eq!(frozen, [false, false, true, true, false]);
         let xs: Vec<f64> = poses.iter().map(|p| p.pose.position_mm.x).collect();
         assert_eq!(xs, [0.0, 1.0, 1.0, 1.0, 4.0]);
     }

@@ -70,6 +70,7 @@ impl Replay {
             pose: self.timeline.poses[index],
             tracked: !self.timeline.is_held(index),
             needle: self.timeline.needles[index].map(|needle| needle.scene_from_needle),
+            needle_tracked: self.timeline.is_needle_known(index),
         };
         let images: Vec<_> = self.frames.clone().map(tracking).collect();
         let mut writer = MetaImageWriter::create(out, &sector, &images, compress)?;

@@ -15,6 +15,8 @@ pub struct Timeline {
     pub poses: Vec<Pose>,
     /// Needle in each frame; `None` where it is unknown, and without a needle.
     pub needles: Vec<Option<Needle>>,
+    /// Whether the pose of the needle was known at each frame's time. An earlier one may be held.
+    needles_known: Vec<bool>,
     /// Host time of each frame, ns.
     pub times_ns: Vec<u64>,
     /// Host time of the scene shown in each frame, ns; held while the picture is frozen.
@@ -33,6 +35,8 @@ struct Sample {
     known: bool,
     /// The needle; `None` if it is unknown, or without a needle.
     needle: Option<Needle>,
+    /// Whether the pose of the needle is known at the frame's time, and not held.
+    needle_known: bool,
 }
 
 /// Largest number of frames of a session: 28 hours at ten per second.
@@ -47,7 +51,7 @@ impl Timeline {
         let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(Self::default()) };
         Self::sampled(first.host_time_ns, last.host_time_ns, rate, |time_ns| {
             let pose = interpolate(poses, time_ns, GAP_NS);
-            Sample { pose, known: pose.is_some(), needle: None }
+            Sample { pose, known: pose.is_some(), needle: None, needle_known: false }
         })
     }
 
@@ -65,10 +69,13 @@ impl Timeline {
     ) -> Result<Self, ReplayError> {
         Self::sampled(first_ns, last_ns, rate, |time_ns| {
             let estimate = poses.at(time_ns);
+            let is_known = |state| matches!(state, TrackingState::Good | TrackingState::Stuck);
+            let needle = needle.as_mut().map(|needle| needle.at(time_ns));
             Sample {
                 pose: estimate.scene_from_probe,
-                known: matches!(estimate.state, TrackingState::Good | TrackingState::Stuck),
-                needle: needle.as_mut().and_then(|needle| needle.at(time_ns)),
+                known: is_known(estimate.state),
+                needle: needle.and_then(|needle| needle.needle),
+                needle_known: needle.is_some_and(|needle| is_known(needle.state)),
             }
         })
     }
@@ -77,6 +84,7 @@ impl Timeline {
     #[must_use]
     pub fn with_standing_needle(mut self, needle: Needle) -> Self {
         self.needles.fill(Some(needle));
+        self.needles_known.fill(true);
         self
     }
 
@@ -107,11 +115,12 @@ impl Timeline {
             if time_ns > last_ns {
                 break;
             }
-            let Sample { pose, known, needle } = at(time_ns);
+            let Sample { pose, known, needle, needle_known } = at(time_ns);
             if let Some(pose) = pose.or(timeline.poses.last().copied()) {
                 timeline.held.push(!known);
                 timeline.poses.push(pose);
                 timeline.needles.push(needle);
+                timeline.needles_known.push(needle_known);
                 timeline.times_ns.push(time_ns);
                 timeline.scene_times_ns.push(time_ns);
             }
@@ -146,6 +155,11 @@ impl Timeline {
     /// Whether an earlier pose was held for a frame, because the pose at the frame's time was unknown.
     pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
+    }
+
+    /// Whether the pose of the needle was known at a frame's time, and not held.
+    pub(crate) fn is_needle_known(&self, frame: usize) -> bool {
+        self.needles_known.get(frame).copied().unwrap_or_default()
     }
 
     /// Time of a frame since the first pose, s.

@@ -82,7 +82,7 @@ pub struct Parts {
     pub aperture: Choice,
     /// Generators; none: raw frames are shown.
     pub generators: Option<Box<dyn FrameGenerators>>,
-    /// Watch of the needle's tip, new, in the renderer's scene; none: its events are not told.
+    /// Watch of the needle's tip in the renderer's scene, before its first sample; none: no events of the tip.
     pub needle: Option<NeedleWatch>,
     /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,

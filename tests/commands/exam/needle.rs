@@ -3,10 +3,14 @@
 use std::fs;
 use std::path::Path;
 
+use glam::{DQuat, DVec3};
 use insonify::Scene;
+use insonify::exam::Skills;
 use insonify::exam::hand::Skill;
-use insonify::exam::needle::{GaussianSlice, NeedleReference, NeedleScore, hand, score};
+use insonify::exam::needle::{Exercises, GaussianSlice, NeedleReference, NeedleScore, hand, score};
 use insonify::phantom::{self, Parameters};
+use insonify::pose::{Calibration, Fitted, Pose};
+use insonify::recording::{RecordingReader, read_tools};
 use insonify::report::exam::{Heading, NeedleReport, write};
 use insonify::station::Station;
 use serde_json::Value;
@@ -138,9 +142,9 @@ fn options_of_other_exams_are_refused_at_a_station_with_an_exercise() {
     let out = out.to_str().unwrap();
     let cyst = "configs/needle_cyst.toml";
     for (more, words) in [
-        (&["--duration", "9"][..], "--duration has no effect on an exercise"),
-        (&["--shuffle"], "--shuffle has no effect on an exercise"),
-        (&["--planes", "all"], "planes"),
+        (&["--duration", "9"][..], "--duration is only for sessions that look for planes"),
+        (&["--shuffle"], "--shuffle is only for sessions"),
+        (&["--planes", "all"], "no standard planes"),
     ] {
         refused(&insonify(&[&["exam", cyst, "--out", out], more].concat()), &[words]);
     }
@@ -154,4 +158,55 @@ fn options_of_other_exams_are_refused_at_a_station_with_an_exercise() {
     fs::write(&station, format!("{}{}[needle]{needle}", &before[..start], &before[end..])).unwrap();
     refused(&insonify(&["exam", station.to_str().unwrap(), "--out", out]), &["`[pose]` is missing"]);
     assert!(!Path::new(out).exists());
+}
+
+/// A station's tracker and sensors are where its calibration says, and not where the scene and the tools are.
+#[test]
+fn recorded_tools_are_as_the_stations_tracker_measures_them() {
+    let pose = |x: f64| Pose {
+        position_mm: DVec3::new(x, 2.0 * x, -x),
+        orientation: DQuat::from_axis_angle(DVec3::Y, 0.01 * x),
+    };
+    let calibration = |mount| Calibration {
+        scene_from_tracker: Some(Fitted::known(pose(70.0))),
+        sensor_from_probe: Some(Fitted::known(mount)),
+        ..Calibration::default()
+    };
+    let station = station("needle_cyst");
+    let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
+    let (exercise, start) = (station.exercise.as_ref().unwrap(), station.default_pose.unwrap());
+    let plan = hand::Plan::of(exercise, &scene, &station.probe, &start).unwrap();
+    let exercises = Exercises {
+        scene: "test".into(),
+        plan,
+        skills: Skills::One(Skill::Trained),
+        probe: calibration(pose(5.0)),
+        needle: calibration(pose(-9.0)),
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    exercises.write(4, &path).unwrap();
+    let tools = read_tools(RecordingReader::open(&path).unwrap()).unwrap();
+    let hand::HandSession { samples, phases } = plan.session(Skill::Trained, 4);
+    assert_eq!((tools.probe.measured.len(), tools.needle.measured.len()), (samples.len(), samples.len()));
+    for ((probe, needle), sample) in tools.probe.measured.iter().zip(&tools.needle.measured).zip(&samples) {
+        let probe = exercises.probe.scene_from_probe(probe.pose);
+        let tip_mm = exercises.needle.scene_from_probe(needle.pose).position_mm;
+        assert!(probe.position_mm.distance(sample.probe.unwrap().position_mm) < 1e-3);
+        assert!(tip_mm.distance(sample.needle.unwrap().tip_mm()) < 1e-3, "{tip_mm} at {} s", sample.time_s);
+    }
+    // The phases are what the needle does: it advances, rests, and goes back.
+    let depth_mm = |time_s: f64| {
+        let at = samples.partition_point(|sample| sample.time_s < time_s).min(samples.len() - 1);
+        samples[at].needle.unwrap().tip_mm().distance(plan.entry_mm)
+    };
+    for (phase, next) in phases.iter().zip(phases.iter().skip(1)) {
+        let way_mm = depth_mm(next.time_s) - depth_mm(phase.time_s);
+        let fits = match phase.name {
+            "advance" => way_mm > 5.0,
+            "withdraw" => way_mm < -5.0,
+            _ => way_mm.abs() < 4.0,
+        };
+        assert!(fits, "{phase:?}: {way_mm} mm");
+    }
 }

@@ -24,21 +24,21 @@ pub(crate) struct Shadow {
 }
 
 impl NeedleTables {
-    /// Adds those of `columns` of cells that are behind the shaft, each once. The shadow grows over the two depth planes behind the shaft: its middle
-    /// is one and a half planes behind it, which leaves the needle's own echo as it is.
+    /// Adds the shadows of `cells` of the face, each cell of the scan plane once. The shadow grows over the two depth planes
+    /// behind the shaft. Its middle is one and a half planes behind it, so the needle's own echo stays as it is.
     pub(super) fn add_shadow(
         &self,
         placed: &Placed,
         view: View<'_>,
         aperture: &ApertureTables,
-        columns: Range<usize>,
+        cells: Range<usize>,
         into: &mut Vec<Shadow>,
     ) {
-        let cells = aperture.sampling.cells;
+        let row_cells = aperture.sampling.cells;
         let spacing = f64::from(aperture.line_spacing_cells);
         let first = f64::from(aperture.line_cells.first().copied().unwrap_or_default());
         let fraction = |cell: f64| ((cell - first) / spacing + 0.5) / f64::from(view.probe.scanlines);
-        for cell in columns {
+        for cell in cells {
             let (mut share, mut depth_mm) = (0.0, 0.0);
             for i in 0..POSITIONS {
                 let position = cell as f64 + (f64::from(i) + 0.5) / f64::from(POSITIONS) - 0.5;
@@ -60,7 +60,7 @@ impl NeedleTables {
             for (plane, part) in [(plane, 1.0 - deeper), (plane + 1, deeper)] {
                 if plane < aperture.planes {
                     let passes = passes.powf(part) as f32;
-                    into.push(Shadow { cell: (plane * cells + cell) as u32, passes });
+                    into.push(Shadow { cell: (plane * row_cells + cell) as u32, passes });
                 }
             }
         }

@@ -86,12 +86,16 @@ impl NeedleTables {
         if at.x.abs() > self.beam.reach_mm(at.z) || at.y.abs() > self.slice.reach_mm() {
             return;
         }
-        let lit = [nearest - COVERED * sigma_s, nearest + COVERED * sigma_s];
-        let coverage = self.coverage(line, [lit[0].max(ends_mm[0]), lit[1].min(ends_mm[1])], at.z);
         let tangent = |sigma: f64| direction.z * sigma_s / sigma;
         let share = along / narrow;
         let tilt = self.beam.tilt(at.z, tangent(sigma_x)).powf(share)
             * self.slice.tilt(at.z, tangent(sigma_y)).powf(1.0 - share);
+        // The mirror of an oblique shaft returns nothing to the face.
+        if tilt == 0.0 {
+            return;
+        }
+        let lit = [nearest - COVERED * sigma_s, nearest + COVERED * sigma_s];
+        let coverage = self.coverage(line, [lit[0].max(ends_mm[0]), lit[1].min(ends_mm[1])], at.z);
         let (depth_mm, mirror) = (at.z as f32, self.strength_mm * coverage);
         let mut add = |extra_mm: f64, amplitude: f64| {
             if amplitude > LEAST {

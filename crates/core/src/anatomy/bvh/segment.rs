@@ -36,7 +36,7 @@ pub struct SegmentHit {
     pub leaves: bool,
 }
 
-/// Buffers of searches along segments. They keep their memory.
+/// Search along segments, with buffers that are used again.
 #[derive(Debug, Clone, Default)]
 pub struct SegmentSearch {
     /// Nodes to visit.
