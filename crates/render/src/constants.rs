@@ -37,7 +37,7 @@ pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 /// Number of the strongest samples of a scanline whose echoes the face reflects.
 pub(crate) const MULTIPLE_SAMPLES: u32 = 32;
 /// First sample of a scanline whose echo the face reflects. So many samples of multiples are computed together.
-pub(crate) const MULTIPLE_FIRST: u32 = 64;
+pub(crate) const MULTIPLE_FIRST: u32 = 16;
 /// Largest sum of the amplitudes that travel again. Multiples then decay in every scene.
 pub(crate) const MULTIPLE_GAIN_MAX: f64 = 0.9;
 

@@ -14,7 +14,7 @@ use insonify::names::{counted, printable};
 use insonify::pose::csv::Named;
 use insonify::report::segmentation as page;
 use insonify::segmentation::details;
-use insonify::segmentation::from_labels::{Facts, Made};
+use insonify::segmentation::from_labels::{FASCIA_MM, Facts, Made};
 use insonify::segmentation::gain::{Gain, Layer};
 use insonify::segmentation::grid::CutPlane;
 use insonify::segmentation::part_kinds::PART_KINDS;
@@ -52,8 +52,8 @@ pub(super) struct OutputArgs {
     #[arg(long, value_name = "NAME")]
     pub(super) look_at: Option<String>,
 
-    /// Leave out assumed parts that no label shows: capsule, gut_layers, pericardium, pleura, diaphragm, valves, kidney
-    /// (pyramids and sinus), liver_vessels, or all
+    /// Leave out assumed parts that no label shows: capsule, gut_layers, pericardium, pleura, fascia, diaphragm, valves,
+    /// kidney (pyramids and sinus), liver_vessels, or all
     #[arg(long, value_name = "PART", value_delimiter = ',', value_parser = part())]
     pub(super) without: Vec<String>,
 
@@ -97,6 +97,11 @@ impl OutputArgs {
     pub(super) fn left_out(&self) -> Vec<String> {
         let is_out = |name: &str| self.without.iter().any(|without| without == name || without == ALL);
         PART_KINDS.iter().filter(|part| is_out(part.name)).map(|part| part.name.to_owned()).collect()
+    }
+
+    /// Thickness of the fascia under the fat, mm; 0 if it is left out.
+    pub(super) fn fascia_mm(&self) -> f64 {
+        if self.left_out().iter().any(|part| part == "fascia") { 0.0 } else { FASCIA_MM }
     }
 
     fn station_file(&self) -> PathBuf {

@@ -220,7 +220,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let gathered = gather(labels, &measures, &names.table, body, image, args.leave_out_unknown, args.allow_implausible);
     let (mut inputs, unmapped) = gathered.input()?;
     left_out.extend(unmapped.iter().map(ToString::to_string));
-    let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
+    let (skin_mm, fat_mm, fascia_mm) = (args.skin_mm, args.fat_mm, args.output.fascia_mm());
+    let options = Options { skin_mm, fat_mm, fascia_mm, triangles: args.triangles };
     remarks.append(&mut inputs.remarks);
     let outcome = make(inputs, &options, &|_, share| progress.set(5 + (90.0 * share) as usize, 100));
     let source = Source {

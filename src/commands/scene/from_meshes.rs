@@ -323,7 +323,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (organs, repairs, reports) = repaired(args, given, &progress, |v| (lps_from_file * (v + shift)).as_vec3())?;
     remarks.extend(remarks_on_organs(&organs));
     progress.set(80, 100);
-    let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, ..Options::default() };
+    let (skin_mm, fat_mm, fascia_mm) = (args.skin_mm, args.fat_mm, args.output.fascia_mm());
+    let options = Options { skin_mm, fat_mm, fascia_mm, ..Options::default() };
     let (surfaces, more) = surfaces(organs, &options);
     remarks.extend(more);
     let path = files.into_iter().next().unwrap_or_default();

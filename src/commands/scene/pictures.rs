@@ -22,7 +22,7 @@ use super::super::{Classify, Failure};
 /// Largest number of B-mode views.
 const VIEWS_MAX: usize = 15;
 /// Names of surfaces that hide the organs.
-const OUTER: [&str; 3] = ["skin", "fat", "soft_tissue"];
+const OUTER: [&str; 4] = ["skin", "fat", "fascia", "soft_tissue"];
 const SIZE: [u32; 2] = [900, 700];
 
 /// Pictures of a report.

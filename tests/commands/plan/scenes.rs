@@ -46,8 +46,7 @@ fn each_scene_calls_for_its_effects() {
         ("speckle_block", and(&["frequency_exponent"])),
         ("sphere", and(&["frequency_exponent"])),
         // Here and below, attenuation is proportional to the frequency.
-        // A phased array has no aperture.
-        ("bone_plate", tissues_and(&usual[1..])),
+        ("bone_plate", and(&[])),
         // Nylon wires: 2600 m/s among 1540.
         ("qa_phantom", and(&["rays"])),
         // Here and below, the scene has skin.

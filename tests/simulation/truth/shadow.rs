@@ -27,6 +27,8 @@ const LINES: u32 = 255;
 /// An obstacle, a beam, and levels below the obstacle.
 struct Case {
     radius_mm: Option<f64>,
+    /// Whether a phased array renders it. In the middle of its sector theory is that of a flat array.
+    phased: bool,
     depth_mm: f64,
     half_width_mm: f64,
     offset_mm: f64,
@@ -44,6 +46,7 @@ fn cases(file: &str) -> Vec<Case> {
         let key = row.without(&["behind_mm", "level_db"]).join(" ");
         let case = cases.entry(key).or_insert_with(|| Case {
             radius_mm: row.optional("radius_mm"),
+            phased: false,
             depth_mm: row.number("depth_mm"),
             half_width_mm: row.number("half_width_mm"),
             offset_mm: row.number("offset_mm"),
@@ -63,6 +66,7 @@ impl Case {
         let flat = linear(LINES, 0.24, 1536, depth_mm);
         let kind = match self.radius_mm {
             Some(radius_mm) => ProbeKind::Convex { radius_mm, fov_deg: 60.0 },
+            None if self.phased => ProbeKind::Phased { fov_deg: 70.0 },
             None => flat.kind,
         };
         Probe {
@@ -192,6 +196,7 @@ fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64
 /// profiles.
 const LINEAR_GOOD: f64 = 0.96;
 const CONVEX_GOOD: f64 = 0.93;
+const PHASED_GOOD: f64 = 0.9;
 
 #[test]
 fn shadows_of_a_linear_array_are_those_of_diffraction() {
@@ -203,6 +208,13 @@ fn shadows_of_a_linear_array_are_those_of_diffraction() {
 #[test]
 fn shadows_of_a_convex_array_are_those_of_diffraction() {
     assert!(compare(&cases("convex.csv"), 1, 1) >= CONVEX_GOOD);
+}
+
+#[test]
+fn shadows_of_a_phased_array_are_those_of_diffraction() {
+    let phased = |case: Case| Case { phased: true, ..case };
+    let cases: Vec<Case> = cases("shadow.csv").into_iter().map(phased).collect();
+    assert!(compare(&cases, 1, 1) >= PHASED_GOOD);
 }
 
 #[test]

@@ -31,6 +31,17 @@ const PLANE_MM: f64 = 3.33;
 const CELL_MM: [f64; 2] = [0.28125, 0.135];
 /// Largest distance between beams along the face, mm: on flat faces, then on curved faces.
 const BEAM_MM: [f64; 2] = [0.5625, 0.45];
+/// The same for phased arrays, where waves begin: a sector widens by ten times and more from there.
+const PHASED_MM: (f64, f64) = (0.15, 0.3);
+/// Radius of the arc about the middle of a phased array from which waves are computed, relative to its aperture. Nearer,
+/// the aperture's ends are beside the arc.
+const PHASED_RADIUS: f64 = 0.625;
+/// Angle, radians, by which the beams of a phased array reach beyond their axis at that arc.
+const PHASED_REACH: f64 = 0.96;
+/// Largest angle from the axis of a phased array's beam within which its echo power is summed, radians.
+const PHASED_SPAN: f64 = 0.25;
+/// Narrowest phased aperture, wavelengths: narrower ones send one wave everywhere.
+const PHASED_WAVELENGTHS: f64 = 8.0;
 /// Most cells from one beam's axis to the next.
 const BEAM_CELLS_MAX: usize = 4;
 /// Least width of the grid beyond either end of the array, mm.
@@ -73,35 +84,44 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Sizes for a probe; `None` for a phased array or a face that is too wide.
+    /// Sizes for a probe; `None` for a face that is too wide or a phased array that is too narrow.
     pub(super) fn new(probe: &Probe) -> Option<Self> {
-        let radius_mm = probe.face_radius_mm().unwrap_or(f64::INFINITY);
-        if radius_mm <= 0.0 {
-            return None;
-        }
-        let (shape, curved) = (Face { radius_mm }, radius_mm.is_finite());
-        let width_mm = 2.0 * probe.half_extent() * if curved { radius_mm } else { 1.0 };
-        let wave_number = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz);
+        let wavelength_mm = wavelength_mm(probe.frequency_mhz);
+        let shape = match probe.face_radius_mm() {
+            None => Face::of_radius(f64::INFINITY),
+            Some(radius_mm) if radius_mm > 0.0 => Face::of_radius(radius_mm),
+            Some(_) if probe.aperture_mm < PHASED_WAVELENGTHS * wavelength_mm => return None,
+            Some(_) => Face::phased(PHASED_RADIUS * probe.aperture_mm),
+        };
+        let curved = shape.radius_mm.is_finite();
+        let width_mm = 2.0 * probe.half_extent() * if curved { shape.radius_mm } else { 1.0 };
+        let wave_number = std::f64::consts::TAU / wavelength_mm;
 
         // The period is the distance between a beam's copies. The copies must lie outside the aperture and the reach.
         let reach_mm = (REACH_PER_DEPTH * probe.depth_mm).clamp(REACH_MM[0], REACH_MM[1]);
         // A curved face spreads the copies with depth.
         let period_min_mm = match curved {
+            true if shape.is_phased() => 0.7 * probe.aperture_mm,
             true => (0.7 * probe.aperture_mm).max(2.0 * REACH_MM[0]),
             false => (0.9 * probe.aperture_mm).max(2.0 * reach_mm),
         };
+        let (cell_max_mm, beam_max_mm) = match shape.is_phased() {
+            true => PHASED_MM,
+            false => (CELL_MM[usize::from(curved)], BEAM_MM[usize::from(curved)]),
+        };
         // Numbers of periods and cells are powers of two. The fewest cells win, then the shortest period.
-        let domain_mm = width_mm + 2.0 * MARGIN_MM;
+        let margin_mm = if shape.is_phased() { PHASED_REACH * shape.radius_mm } else { MARGIN_MM };
+        let domain_mm = width_mm + 2.0 * margin_mm;
         let sizes = (0..PERIODS_LOG2_END).map(|log2| {
             let periods = 1_usize << log2;
             let period_mm = period_min_mm.max(domain_mm / periods as f64);
-            let cells = (period_mm / CELL_MM[usize::from(curved)] - 1e-9).ceil() as usize;
+            let cells = (period_mm / cell_max_mm - 1e-9).ceil() as usize;
             (periods, cells.next_power_of_two().max(CELLS_MIN), period_mm)
         });
         let (periods, period_cells, period_mm) =
             sizes.min_by(|a, b| (a.0 * a.1).cmp(&(b.0 * b.1)).then(a.2.total_cmp(&b.2)))?;
         let (cells, cell_mm) = (periods * period_cells, period_mm / period_cells as f64);
-        let fits = |node_cells: &usize| cell_mm * *node_cells as f64 <= BEAM_MM[usize::from(curved)];
+        let fits = |node_cells: &usize| cell_mm * *node_cells as f64 <= beam_max_mm;
         let node_cells = [BEAM_CELLS_MAX, 2].into_iter().find(fits).unwrap_or(2);
         let beams = period_cells / node_cells;
         if cells > CELLS_MAX as usize || period_cells / 2 > OFFSETS_MAX || beams > BEAMS_MAX {
@@ -115,7 +135,8 @@ impl Grid {
             false => planes,
             true => (0..planes).find(|&p| shape.spread(depth_of(p)) >= HALVING_SPREAD).unwrap_or(planes),
         };
-        let slopes = (0..planes).map(|p| shape.slope(0.5 * receive_mm(probe, depth_of(p)), depth_of(p)));
+        let far_mm = |p: usize| depth_of(p).max(shape.start_mm);
+        let slopes = (0..planes).map(|p| shape.slope(0.5 * receive_mm(probe, depth_of(p)), far_mm(p)));
         let steepest = slopes.fold(shape.slope(0.5 * probe.aperture_mm, probe.focus_mm), f64::max) + SLOPE_MARGIN;
         let highest = (wave_number * period_mm * steepest / std::f64::consts::TAU) as usize;
         let highest = highest.min((beams * node_cells - 1) / 2) as i32;
@@ -148,16 +169,24 @@ impl Grid {
     /// Distance from a beam's axis within which its echo power is summed at a plane, in cells: at most half a period.
     pub(super) fn reach_cells(&self, plane: usize) -> f64 {
         let half_period = (0.5 * self.sampling.beams as f64 - 1.0) * self.sampling.node_cells_at(plane) as f64;
-        (self.reach_mm / self.shape.spread(self.depth_mm(plane)) / self.cell_mm).min(half_period)
+        let narrow_mm = self.reach_mm / self.shape.spread(self.depth_mm(plane));
+        let reach_mm =
+            if self.shape.is_phased() { narrow_mm.min(PHASED_SPAN * self.shape.radius_mm) } else { narrow_mm };
+        (reach_mm / self.cell_mm).min(half_period)
+    }
+
+    /// Depth of a depth plane, mm; at least that from which waves are computed.
+    pub(super) fn wave_depth_mm(&self, plane: usize) -> f64 {
+        self.depth_mm(plane).max(self.shape.start_mm)
     }
 
     /// Factor by which each spatial frequency propagates from the previous plane, or from the face, to each plane
-    /// [planes × cells]; 0 for evanescent waves.
+    /// [planes × cells]; 0 for evanescent waves. Near a phased array, where waves are not computed, it is 1.
     pub(super) fn steps(&self) -> Vec<Complex64> {
         let mut steps = Vec::with_capacity(self.planes * self.sampling.cells);
         for plane in 0..self.planes {
-            let to = self.depth_mm(plane);
-            let from = if plane == 0 { 0.0 } else { self.depth_mm(plane - 1) };
+            let to = self.wave_depth_mm(plane);
+            let from = if plane == 0 { self.shape.start_mm } else { self.wave_depth_mm(plane - 1) };
             for cell in 0..self.sampling.cells {
                 let cycles = if cell <= self.sampling.cells / 2 {
                     cell as f64
@@ -191,8 +220,12 @@ impl Grid {
         Some(half * sum)
     }
 
-    /// Sensitivity of the face at each cell: 1 within the array, 0 beyond it, smooth at its ends.
+    /// Sensitivity of the face at each cell: 1 within the array, 0 beyond it, smooth at its ends. The cells of a phased
+    /// array are angles, and its beams reach beyond the sector.
     pub(super) fn face(&self) -> Vec<f64> {
+        if self.shape.is_phased() {
+            return vec![1.0; self.sampling.cells];
+        }
         let at = |cell: usize| {
             let across = (cell as f64 - 0.5 * self.sampling.cells as f64) * self.cell_mm;
             let inside = (0.5 * self.width_mm - across.abs()) / FACE_EDGE_MM + 0.5;

@@ -6,6 +6,10 @@
 //!
 //! x is the position along the face, mm; along a curved face, the arc length. A mode's lateral wave number at depth z
 //! is q/ρ. On a curved face, ρ = 1 + z/radius; on a flat one, ρ = 1.
+//!
+//! The beams of a phased array all leave one aperture, and differ by a turn about its middle. Waves begin at an arc about
+//! the middle, a little beyond the aperture's ends, with the field that the aperture has there; ρ = z/radius. Nearer,
+//! losses count along straight rays. The aperture turns with the beam: it isn't narrower for steered beams.
 
 mod beams;
 mod geometry;
@@ -69,7 +73,7 @@ pub(crate) struct ApertureTables {
 }
 
 impl ApertureTables {
-    /// Whether a probe has tables. Phased arrays, whose beams all leave one aperture, and very wide faces have none.
+    /// Whether a probe has tables. Very wide faces and very narrow phased arrays have none.
     pub(crate) fn possible(probe: &Probe) -> bool {
         Grid::new(probe).is_some()
     }
@@ -162,7 +166,11 @@ mod tests {
             let grid = Grid::new(&Probe { samples: samples.into(), ..Probe::default() }).unwrap();
             assert!((0.875 * 3.33 - 0.25..=3.34).contains(&grid.plane_mm), "{samples}: {} mm", grid.plane_mm);
         }
-        assert!(Grid::new(&Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() }).is_none());
+        let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
+        assert!(Grid::new(&Probe { aperture_mm: 1.0, ..phased }).is_none());
+        let grid = Grid::new(&phased).unwrap();
+        // The beams at the ends of the sector don't meet each other's around the grid.
+        assert!(grid.sampling.cells as f64 * grid.cell_mm >= 12.5 * (0.5 * std::f64::consts::PI + 1.9), "{grid:?}");
     }
 
     #[test]

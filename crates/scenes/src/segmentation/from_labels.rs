@@ -26,6 +26,9 @@ const THICK_VOXELS: f64 = 2.0;
 /// Largest distance that a surface is moved to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
 
+/// Thickness of the fascia that covers the muscles of the trunk, mm (assumed: the rectus sheath has about 1 mm).
+pub const FASCIA_MM: f64 = 1.0;
+
 /// Options for making a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -33,13 +36,15 @@ pub struct Options {
     pub skin_mm: f64,
     /// Thickness of the fat beneath the skin, mm, where neither labels nor an image show it.
     pub fat_mm: f64,
+    /// Thickness of the fascia between fat and soft tissue, mm; 0 for none.
+    pub fascia_mm: f64,
     /// Approximate number of triangles.
     pub triangles: usize,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { skin_mm: 2.0, fat_mm: 12.0, triangles: 600_000 }
+        Self { skin_mm: 2.0, fat_mm: 12.0, fascia_mm: FASCIA_MM, triangles: 600_000 }
     }
 }
 
@@ -322,7 +327,13 @@ impl Builder<'_> {
             }
         }
         if let Some(part) = soft {
-            self.add("soft_tissue", "soft_tissue_maternal", 2, &part, None);
+            let inner = if has_fat && options.fascia_mm > 0.0 {
+                self.add("fascia", "fascia", 2, &part, None);
+                part.inward(options.fascia_mm)
+            } else {
+                part
+            };
+            self.add("soft_tissue", "soft_tissue_maternal", 3, &inner, None);
         }
     }
 

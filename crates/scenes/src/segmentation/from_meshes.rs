@@ -25,7 +25,7 @@ pub struct OrganMesh {
 }
 
 /// Classes of layers that are generated within a given body. Meshes of these classes are then left out.
-const LAYERS: [&str; 4] = ["fat", "soft_tissue", "subcutaneous_fat", "torso_fat"];
+const LAYERS: [&str; 5] = ["fat", "fascia", "soft_tissue", "subcutaneous_fat", "torso_fat"];
 
 /// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of
 /// the body or skin is filled with fat and soft tissue; without such a mesh, a body is drawn around all meshes.

@@ -20,11 +20,12 @@ const fn shape(name: &'static str, labelled: &'static [&'static str]) -> PartKin
 }
 
 /// The kinds of parts.
-pub const PART_KINDS: [PartKind; 8] = [
+pub const PART_KINDS: [PartKind; 9] = [
     layer("capsule", "capsule"),
     layer("gut_layers", "submucosa"),
     layer("pericardium", "pericardium"),
     layer("pleura", "pleura"),
+    layer("fascia", "fascia"),
     shape("diaphragm", &["diaphragm"]),
     shape("valves", &["valve", "mitral_valve", "tricuspid_valve", "aortic_valve", "pulmonary_valve"]),
     shape("kidney", &["renal_medulla", "renal_pyramid", "renal_sinus"]),

@@ -18,6 +18,8 @@ const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
 const BELOW_MM: f64 = 15.0;
 /// Depth of the image below a lung's pleura, mm.
 const LUNG_BELOW_MM: f64 = 60.0;
+/// Largest image depth for which a convex probe is set to 5 MHz: soft tissue then loses 64 dB two ways.
+const PENETRATION_MM: f64 = 80.0;
 /// Largest image depth for which a linear probe is chosen, mm.
 const LINEAR_MM: f64 = 60.0;
 
@@ -81,7 +83,7 @@ impl ProbeChoice {
         let frequency_mhz = match (kind, depth_mm) {
             (ProbeKind::Linear, _) => 9.0,
             (ProbeKind::Phased, _) => 2.5,
-            (ProbeKind::Convex, d) if d <= 110.0 => 5.0,
+            (ProbeKind::Convex, d) if d <= PENETRATION_MM => 5.0,
             (ProbeKind::Convex, _) => 3.5,
         };
         Self { kind, frequency_mhz, depth_mm, focus_mm: (0.55 * depth_mm).round() }

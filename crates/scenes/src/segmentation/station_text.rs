@@ -8,6 +8,11 @@ use insonify_core::pose::Pose;
 use super::gain::Gain;
 use super::probe_choice::{CONVEX, LINEAR_WIDTH_MM, PHASED_FOV_DEG, ProbeChoice, ProbeKind};
 
+/// Range from black to white, dB: usual for the abdomen, where haze in fluid is to be seen (assumed).
+const DYNAMIC_RANGE_DB: f64 = 66.0;
+/// What a probe's face returns of an echo, dB (assumed, as for a needle's echoes).
+const FACE_REFLECTION_DB: f64 = -10.0;
+
 /// Text of a station file for `scene`, a path relative to the station file. `what` names the content of the view, for a
 /// comment in the file.
 pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose, gain: &Gain) -> String {
@@ -46,9 +51,11 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose, g
          focus_mm = {focus_mm:?}             # depth of the transmit focus\n\
          elevational_focus_mm = {focus_mm:?} # focal depth of the elevational lens\n\n\
          [image]\nwidth = 1000                 # pixels\nheight = 800                 # pixels\n\
+         dynamic_range_db = {DYNAMIC_RANGE_DB:?}      # range from black to white\n\
          gain_db = {gain_db:?}               # overall gain\n\
          tgc_db_per_cm = {tgc_db_per_cm:?}          # usual loss along this view, two ways\n\
          tgc_sliders_db = {tgc_sliders_db:?} # dB from the face to the full depth\n\n\
+         [receiver]\nface_reflection_db = {FACE_REFLECTION_DB:?}   # what the face returns of an echo\n\n\
          [effects]\nmultiples = \"on\"             # echoes that the face reflects: A-lines, haze in fluid\n\n\
          [pose]\nposition_mm = [{:.3}, {:.3}, {:.3}]\nquaternion = [{:.9}, {:.9}, {:.9}, {:.9}]\n",
         p.x, p.y, p.z, q.w, q.x, q.y, q.z
@@ -87,6 +94,7 @@ mod tests {
         assert_eq!(table["scene"]["path"].as_str(), Some("a \"b\".glb"));
         assert_eq!(table["probe"]["depth_mm"].as_float(), Some(170.0));
         assert_eq!(table["image"]["tgc_db_per_cm"].as_float(), Some(3.2));
+        assert_eq!(table["receiver"]["face_reflection_db"].as_float(), Some(FACE_REFLECTION_DB));
         assert_eq!(table["image"]["tgc_sliders_db"][4].as_float(), Some(-2.0));
         // Names of files and organs may have any characters.
         let text = station_text("a\n[b].glb", "li\nver = 3\r\u{1b}[31m\0\u{7f}\u{2028}", &deep, &pose, &gain);

@@ -24,7 +24,7 @@ const RETURNING_MAX: f64 = 1.01;
 const SHADOWED_MM: f64 = 3.0;
 
 /// Reason why the effect `aperture` is not simulated for a probe.
-const NO_APERTURE: &str = "not simulated for phased arrays, whose beams leave one place, and for very wide faces";
+const NO_APERTURE: &str = "not simulated for very wide faces, and for phased arrays narrower than 8 wavelengths";
 
 /// Result of a rule: the reason, and the error bound of a frame without the effect.
 pub(super) struct Finding {

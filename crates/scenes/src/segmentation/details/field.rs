@@ -81,26 +81,43 @@ pub(super) fn surface(field: &impl Field, bounds: Bounds, voxel_mm: f64) -> Mesh
     Contour::of(&FieldSolid(field), bounds, voxel_mm, TRIANGLES).mesh
 }
 
-/// The inside of a closed surface.
-pub(super) struct Inside(Winding);
+/// The inside of closed surfaces.
+pub(super) struct Inside {
+    surface: Winding,
+    /// Whether there is one surface, so that none lies within another.
+    is_one: bool,
+}
 
 impl Inside {
     /// The inside of one or several closed surfaces.
     pub(super) fn of<'a>(meshes: impl IntoIterator<Item = &'a Mesh>) -> Self {
-        Self(Winding::of(meshes.into_iter().flat_map(Mesh::corners_mm)))
+        let meshes: Vec<&Mesh> = meshes.into_iter().collect();
+        let is_one = meshes.len() == 1;
+        Self { surface: Winding::of(meshes.into_iter().flat_map(Mesh::corners_mm)), is_one }
     }
 
     /// Distance from the surface, mm, at most `most_mm`.
     pub(super) fn distance_mm(&self, at_mm: DVec3, most_mm: f64) -> f64 {
-        distance_mm(&self.0, at_mm, most_mm)
+        distance_mm(&self.surface, at_mm, most_mm)
     }
 }
 
 impl Field for Inside {
     fn depth_mm(&self, at_mm: DVec3) -> f64 {
-        let away_mm = distance_mm(&self.0, at_mm, FAR_MM);
-        if self.0.number(at_mm) > 0.5 { away_mm } else { -away_mm }
+        let nearest = self.surface.nearest_on(at_mm, FAR_MM);
+        let away_mm = nearest.map_or(FAR_MM, |(point, _)| point.distance(at_mm));
+        let side = nearest.filter(|_| self.is_one).and_then(|(point, corners)| is_behind(at_mm - point, corners));
+        if side.unwrap_or_else(|| self.surface.number(at_mm) > 0.5) { away_mm } else { -away_mm }
     }
+}
+
+/// Whether a point lies behind the triangle that is nearest to it, by the way from its nearest point. `None` unless that
+/// point lies within the triangle: edges and corners don't tell the side.
+fn is_behind(way: DVec3, [a, b, c]: [DVec3; 3]) -> Option<bool> {
+    let normal = (b - a).cross(c - a);
+    let along = normal.dot(way);
+    let whole = normal.length() * way.length();
+    (whole > 1e-9 && along.abs() > (1.0 - 1e-9) * whole).then_some(along < 0.0)
 }
 
 /// Depth in the intersection of two solids, mm. The second is asked only within the first.
@@ -130,6 +147,25 @@ mod tests {
         let half = surface(&|at: DVec3| intersection_mm(at.x, || ball(at)), bounds, 0.9);
         assert!((half.signed_volume_mm3() / want - 0.5).abs() < 0.003, "{}", half.signed_volume_mm3() / want);
         assert_eq!((whole.unpaired_edges(), half.unpaired_edges()), (0, 0));
+    }
+
+    #[test]
+    fn the_side_of_the_nearest_triangle_is_that_of_the_winding_number() {
+        // A coarse ball with a dent, so that edges are sharp.
+        let mut mesh = sphere(Vec3::ZERO, 20.0, 2);
+        mesh.vertices_mm.iter_mut().filter(|v| v.z > 15.0).for_each(|v| v.z -= 18.0);
+        let inside = Inside::of([&mesh]);
+        let (mut by_triangle, mut within) = (0, 0);
+        for n in 0..9261 {
+            let at =
+                DVec3::new(f64::from(n % 21), f64::from(n / 21 % 21), f64::from(n / 441)) * 2.3 - DVec3::splat(23.1);
+            let is_in = inside.surface.number(at) > 0.5;
+            assert_eq!(inside.depth_mm(at) > 0.0, is_in, "{at}");
+            let nearest = inside.surface.nearest_on(at, FAR_MM);
+            by_triangle += u32::from(nearest.is_some_and(|(point, corners)| is_behind(at - point, corners).is_some()));
+            within += u32::from(is_in);
+        }
+        assert!(by_triangle > 1500 && within > 1000, "{by_triangle} {within}");
     }
 
     #[test]

@@ -52,7 +52,7 @@ pub fn add(surfaces: &mut Vec<Made>, without: &[String]) -> Option<String> {
             name => (name, sheets::parts(surfaces, name)),
         })
         .collect();
-    let has_layer = |tissue: &str| surfaces.iter().any(|made| made.segment.is_some() && made.tissue == tissue);
+    let has_layer = |tissue: &str| surfaces.iter().any(|made| made.tissue == tissue);
     let layers = PART_KINDS.iter().filter(|kind| kind.layer.is_some_and(has_layer)).map(|kind| kind.name);
     let mut kinds: Vec<&str> = layers.collect();
     for (kind, parts) in made {

@@ -139,6 +139,11 @@ impl Winding {
 
     /// Nearest point of the surface that is nearer than `within_mm`.
     pub fn nearest(&self, at_mm: DVec3, within_mm: f64) -> Option<DVec3> {
+        self.nearest_on(at_mm, within_mm).map(|(point, _)| point)
+    }
+
+    /// Nearest point of the surface that is nearer than `within_mm`, and the corners of its triangle.
+    pub fn nearest_on(&self, at_mm: DVec3, within_mm: f64) -> Option<(DVec3, [DVec3; 3])> {
         let best = std::cell::Cell::new(within_mm);
         let mut found = None;
         let may_hold = |cluster: &Cluster| cluster.centre_mm.distance(at_mm) - cluster.radius_mm < best.get();
@@ -147,7 +152,7 @@ impl Winding {
             let distance = point.distance(at_mm);
             if distance < best.get() {
                 best.set(distance);
-                found = Some(point);
+                found = Some((point, corners));
             }
         });
         found

@@ -74,17 +74,18 @@ impl WindowRow {
     }
 }
 
-/// Best position of a probe of `kind`, or of the depth's kind, within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if
-/// no line from the target's centre reaches skin.
+/// Best position of a probe of `kind`, or of the depth's kind, within `cone_deg` of the usual direction of `view`, for a target
+/// of `radius_mm`, with its cost. `None` if no line from the target's centre reaches skin.
 pub(crate) fn best_site(
     sight: &Sight,
     view: &View,
     kind: Option<ProbeKind>,
     radius_mm: f64,
     cone_deg: f64,
-) -> Option<ProbeSite> {
+) -> Option<(f64, ProbeSite)> {
     let mut best: Option<(f64, ProbeSite)> = None;
-    for ring in 0..=RINGS {
+    let rings = if cone_deg > 0.0 { RINGS } else { 0 };
+    for ring in 0..=rings {
         let turn = cone_deg.to_radians() * ring as f64 / RINGS as f64;
         let spokes = if ring == 0 { 1 } else { SPOKES };
         for spoke in 0..spokes {
@@ -106,5 +107,5 @@ pub(crate) fn best_site(
             }
         }
     }
-    best.map(|(_, site)| site)
+    best
 }

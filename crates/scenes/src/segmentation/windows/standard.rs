@@ -48,6 +48,14 @@ struct Wish {
     view: View,
     radius_mm: f64,
     cone_deg: f64,
+    /// Other centres of the view, and directions to the probe. The best one is taken.
+    others: Vec<(DVec3, DVec3)>,
+}
+
+impl Wish {
+    fn new(view: View, radius_mm: f64, cone_deg: f64) -> Self {
+        Self { view, radius_mm, cone_deg, others: Vec::new() }
+    }
 }
 
 /// Windows of a patient, with poses, hidden shares and contact. A window without its organs, or without skin, is left out.
@@ -71,14 +79,11 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
     ];
     let made = all.map(|window| window(&organs));
     let (mut planes, mut rows) = (Vec::new(), Vec::new());
-    for (mut plane, wishes) in made.into_iter().flatten() {
-        for (view, site) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
-            rows.push(WindowRow::new(&plane.name, &plane.title, view.centre_mm, &site));
-            plane.views.push(view);
-        }
-        if !plane.views.is_empty() {
-            planes.push(plane);
-        }
+    for (mut plane, wish) in made.into_iter().flatten() {
+        let Some((view, site)) = placed(wish, sight) else { continue };
+        rows.push(WindowRow::new(&plane.name, &plane.title, view.centre_mm, &site));
+        plane.views.push(view);
+        planes.push(plane);
     }
     (StandardPlanes { version: PLANES_VERSION, planes }, rows)
 }
@@ -100,21 +105,26 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<View> {
         name if lung_of(&organs).is_some_and(|lung| lung.segment.as_deref() == Some(name)) => Some(lung),
         _ => None,
     };
-    let wish = window.and_then(|window| window(&organs)).and_then(|(_, wishes)| wishes.into_iter().next());
-    let wish = wish.or_else(|| {
+    let wish = window.and_then(|window| window(&organs)).map(|(_, wish)| wish).or_else(|| {
         let shape = Shape::of(&organs.of(&[name])?.mesh)?;
         let mut view = view("", shape.centre_mm, LEFT, FRONT);
         view.outlines = vec![organs.of(&[name])?.name.clone()];
-        Some(Wish { view, radius_mm: 0.35 * shape.length_mm(), cone_deg: 100.0 })
+        Some(Wish::new(view, 0.35 * shape.length_mm(), 100.0))
     })?;
     placed(wish, sight).map(|(view, _)| view)
 }
 
 /// The view with its probe at the best position.
 fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
-    let kind = wish.view.outlines.first().and_then(|name| ProbeChoice::kind_of(name));
-    let site = best_site(sight, &wish.view, kind, wish.radius_mm, wish.cone_deg)?;
-    let mut view = wish.view;
+    let Wish { view, radius_mm, cone_deg, others } = wish;
+    let kind = view.outlines.first().and_then(|name| ProbeChoice::kind_of(name));
+    let at = |(centre_mm, to_probe)| {
+        let view = View { centre_mm, to_probe, ..view.clone() };
+        best_site(sight, &view, kind, radius_mm, cone_deg).map(|(cost, site)| (cost, centre_mm, site))
+    };
+    let sites = std::iter::once((view.centre_mm, view.to_probe)).chain(others).filter_map(at);
+    let (_, centre_mm, site) = sites.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mut view = View { centre_mm, ..view };
     view.lateral = view.lateral.reject_from(site.to_probe).normalize_or(site.to_probe.any_orthonormal_vector());
     view.to_probe = site.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
@@ -126,7 +136,7 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
     Some((view, site))
 }
 
-type Window = (StandardPlane, Vec<Wish>);
+type Window = (StandardPlane, Wish);
 
 fn plane(name: &str, title: &str, source: &str, angle_deg: f64, distance_mm: f64) -> StandardPlane {
     let tolerances = Tolerances {
@@ -193,7 +203,7 @@ fn liver(organs: &Organs) -> Option<Window> {
         view.outlines.push(gallbladder.name.clone());
     }
     let plane = plane("liver", "subcostal view of the liver", ABDOMEN_GUIDE, 20.0, 20.0);
-    Some((plane, vec![Wish { view, radius_mm: 45.0, cone_deg: 45.0 }]))
+    Some((plane, Wish::new(view, 45.0, 45.0)))
 }
 
 /// Long axis of the gallbladder, from the front below the ribs.
@@ -203,7 +213,7 @@ fn gallbladder(organs: &Organs) -> Option<Window> {
     let mut view = view("", shape.centre_mm, shape.long_axis(FEET), FRONT + 0.3 * FEET);
     view.outlines = vec![gallbladder.name.clone()];
     let plane = plane("gallbladder", "gallbladder, long axis", ABDOMEN_GUIDE, 20.0, 8.0);
-    Some((plane, vec![Wish { view, radius_mm: 0.35 * shape.length_mm(), cone_deg: 50.0 }]))
+    Some((plane, Wish::new(view, 0.35 * shape.length_mm(), 50.0)))
 }
 
 /// Morison's pouch: from the right flank, along the body, through the border of liver and kidney.
@@ -216,7 +226,7 @@ fn morison(organs: &Organs) -> Option<Window> {
     view.outlines = vec![liver.name.clone(), kidney.name.clone()];
     view.landmarks = vec![mark("Morison's pouch", pouch_mm, 15.0)];
     let plane = plane("morison", "Morison's pouch, between liver and right kidney", TRAUMA_GUIDE, 20.0, 12.0);
-    (gap_mm < 40.0).then(|| (plane, vec![Wish { view, radius_mm: 35.0, cone_deg: 45.0 }]))
+    (gap_mm < 40.0).then(|| (plane, Wish::new(view, 35.0, 45.0)))
 }
 
 /// Cross-section of the right kidney at its hilum, from the flank.
@@ -225,7 +235,7 @@ fn right_kidney_across(organs: &Organs) -> Option<Window> {
     let Wish { mut view, .. } = kidney_wish(kidney, RIGHT, "RKL")?;
     (view.lateral, view.landmarks, view.calipers) = (view.to_probe.cross(view.lateral), Vec::new(), Vec::new());
     let plane = plane("right_kidney_across", "right kidney, transverse", ABDOMEN_GUIDE, 20.0, 10.0);
-    Some((plane, vec![Wish { view, radius_mm: 22.0, cone_deg: 50.0 }]))
+    Some((plane, Wish::new(view, 22.0, 50.0)))
 }
 
 /// Long axis of the spleen, from the left flank between the ribs.
@@ -235,7 +245,7 @@ fn spleen(organs: &Organs) -> Option<Window> {
     let mut view = view("", shape.centre_mm, shape.long_axis(FEET), LEFT + 0.3 * BACK);
     view.outlines = vec![spleen.name.clone()];
     let plane = plane("spleen", "spleen, long axis", ABDOMEN_GUIDE, 20.0, 12.0);
-    Some((plane, vec![Wish { view, radius_mm: 0.3 * shape.length_mm(), cone_deg: 50.0 }]))
+    Some((plane, Wish::new(view, 0.3 * shape.length_mm(), 50.0)))
 }
 
 /// Long axis of the right kidney, from the flank. If Morison's pouch, between kidney and liver, is near, the plane
@@ -255,7 +265,7 @@ fn right_kidney(organs: &Organs) -> Option<Window> {
         }
     }
     let plane = plane("right_kidney", "right kidney and Morison's pouch", ABDOMEN_GUIDE, 15.0, 10.0);
-    Some((plane, vec![wish]))
+    Some((plane, wish))
 }
 
 /// Long axis of the left kidney, from the flank.
@@ -265,7 +275,7 @@ fn left_kidney(organs: &Organs) -> Option<Window> {
     if let Some(spleen) = organs.of(&["spleen"]) {
         wish.view.outlines.push(spleen.name.clone());
     }
-    Some((plane("left_kidney", "left kidney", ABDOMEN_GUIDE, 15.0, 10.0), vec![wish]))
+    Some((plane("left_kidney", "left kidney", ABDOMEN_GUIDE, 15.0, 10.0), wish))
 }
 
 fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
@@ -279,7 +289,7 @@ fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
     view.landmarks = vec![mark("upper pole", poles[0], 12.0), mark("lower pole", poles[1], 12.0)];
     let line = caliper(caliper_name, "kidney length", poles, &kidney.name, 12.0);
     view.calipers = vec![Caliper { true_mm: Some(shape.length_mm()), ..line }];
-    Some(Wish { view, radius_mm: 0.4 * shape.length_mm(), cone_deg: 50.0 })
+    Some(Wish::new(view, 0.4 * shape.length_mm(), 50.0))
 }
 
 /// Long axis of the abdominal aorta, from the front.
@@ -308,17 +318,16 @@ fn aorta(organs: &Organs) -> Option<Window> {
     view.outlines = vec![aorta.name.clone()];
     view.landmarks = vec![mark("aorta above", above, 8.0), mark("aorta below", below, 8.0)];
     let plane = plane("aorta", "abdominal aorta, long axis", ABDOMEN_GUIDE, 12.0, 8.0);
-    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
+    Some((plane, Wish::new(view, 25.0, 35.0)))
 }
 
 /// Cross-section of the abdominal aorta, from the front.
 fn aorta_across(organs: &Organs) -> Option<Window> {
-    let (_, wishes) = aorta(organs)?;
-    let Wish { mut view, .. } = wishes.into_iter().next()?;
+    let (_, Wish { mut view, .. }) = aorta(organs)?;
     view.lateral = LEFT.reject_from(view.lateral).reject_from(view.to_probe).try_normalize()?;
     view.landmarks = Vec::new();
     let plane = plane("aorta_across", "abdominal aorta, transverse", ABDOMEN_GUIDE, 15.0, 15.0);
-    Some((plane, vec![Wish { view, radius_mm: 20.0, cone_deg: 35.0 }]))
+    Some((plane, Wish::new(view, 20.0, 35.0)))
 }
 
 /// Cross-section of the bladder, from above the symphysis.
@@ -331,7 +340,7 @@ fn bladder(organs: &Organs) -> Option<Window> {
         view.outlines.push(prostate.name.clone());
     }
     let plane = plane("bladder", "bladder, transverse", ABDOMEN_GUIDE, 20.0, 12.0);
-    Some((plane, vec![Wish { view, radius_mm: 0.3 * shape.length_mm(), cone_deg: 40.0 }]))
+    Some((plane, Wish::new(view, 0.3 * shape.length_mm(), 40.0)))
 }
 
 /// Parasternal long axis of the heart: from between the ribs to the left of the sternum, along the left heart's axis.
@@ -357,7 +366,7 @@ fn heart(organs: &Organs) -> Option<Window> {
         view.outlines.push(left.name.clone());
     }
     let plane = plane("heart", "parasternal long axis of the heart", HEART_GUIDE, 20.0, 12.0);
-    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
+    Some((plane, Wish::new(view, 25.0, 40.0)))
 }
 
 /// Four chambers of the heart, from its apex.
@@ -370,7 +379,7 @@ fn four_chambers(organs: &Organs) -> Option<Window> {
     let mut view = view("", 0.6 * ventricles + 0.4 * atria, left - right, ventricles - atria);
     view.outlines = vec![organs.of(&["heart_ventricle_left"])?.name.clone()];
     let plane = plane("four_chambers", "apical four chambers of the heart", HEART_GUIDE, 20.0, 12.0);
-    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
+    Some((plane, Wish::new(view, 25.0, 35.0)))
 }
 
 /// Cross-section of the thyroid at its right lobe, from the front of the neck.
@@ -382,27 +391,52 @@ fn thyroid(organs: &Organs) -> Option<Window> {
     let mut view = view("", sum / count, LEFT, FRONT);
     view.outlines = vec![thyroid.name.clone()];
     let plane = plane("thyroid", "thyroid, transverse", THYROID_GUIDE, 20.0, 10.0);
-    Some((plane, vec![Wish { view, radius_mm: 15.0, cone_deg: 30.0 }]))
+    Some((plane, Wish::new(view, 15.0, 30.0)))
 }
 
 /// Distance of the lung window's centre from the pleura, mm.
 const PLEURA_MM: f64 = 4.0;
+/// Distances from the lung's centre at which the window may lie, mm: to the side and along the body. Step along the body.
+const BESIDE_MM: [f64; 5] = [-30.0, -15.0, 0.0, 15.0, 30.0];
+const ALONG_MM: i32 = 60;
+const ALONG_STEP_MM: usize = 3;
+/// Radius of the patch of pleura to which the beam is perpendicular, mm.
+const PATCH_MM: f64 = 10.0;
 
 /// Lung, or lobe of a lung, at the front of the chest.
 fn lung_of<'a>(organs: &Organs<'a>) -> Option<&'a Made> {
     organs.of(&["lung_upper_lobe_right", "lung_right", "lung_upper_lobe_left", "lung_left", "lung"])
 }
 
-/// Pleural line between the ribs: from the front, along the body, where the lung reaches the chest's wall.
+/// Pleural line between the ribs: from the front, along the body, where the lung reaches the chest's wall. The probe is
+/// slid between two ribs and turned until the middle of the beam is perpendicular to the pleura. Only then does its echo
+/// return to the face again and again.
 fn lung(organs: &Organs) -> Option<Window> {
     let lung = lung_of(organs)?;
     let shape = Shape::of(&lung.mesh)?;
-    let pleura_mm = Skin::of_triangles(lung.mesh.corners_mm()).ok()?.exit(shape.centre_mm, FRONT)?;
-    // In front of the pleura, so that the lung itself doesn't count as gas in between.
-    let mut view = view("", pleura_mm + PLEURA_MM * FRONT, FEET, FRONT);
+    let pleura = Skin::of_triangles(lung.mesh.corners_mm()).ok()?;
+    let at = |beside_mm: f64, along_mm: f64| {
+        let pleura_mm = pleura.exit(shape.centre_mm + beside_mm * LEFT + along_mm * HEAD, FRONT)?;
+        let normal = outward(&lung.mesh, pleura_mm, PATCH_MM)?;
+        // In front of the pleura, so that the lung itself doesn't count as gas in between.
+        Some((pleura_mm + PLEURA_MM * normal, normal))
+    };
+    let along = || (-ALONG_MM..=ALONG_MM).step_by(ALONG_STEP_MM).map(f64::from);
+    let mut places = BESIDE_MM.into_iter().flat_map(|beside| along().filter_map(move |along| at(beside, along)));
+    let (centre_mm, normal) = places.next()?;
+    let mut view = view("", centre_mm, FEET, normal);
     view.outlines = vec![lung.name.clone()];
     let plane = plane("lung", "lung with pleural line", LUNG_GUIDE, 20.0, 20.0);
-    Some((plane, vec![Wish { view, radius_mm: 4.0, cone_deg: 40.0 }]))
+    Some((plane, Wish { others: places.collect(), ..Wish::new(view, 4.0, 0.0) }))
+}
+
+/// Mean outward normal of a surface's patch around a point.
+fn outward(mesh: &Mesh, at_mm: DVec3, radius_mm: f64) -> Option<DVec3> {
+    let normal = |[a, b, c]: [glam::Vec3; 3]| {
+        let near = ((a + b + c).as_dvec3() / 3.0).distance_squared(at_mm) < radius_mm * radius_mm;
+        near.then(|| (b - a).cross(c - a).as_dvec3())
+    };
+    mesh.corners_mm().filter_map(normal).sum::<DVec3>().try_normalize()
 }
 
 /// Midpoint of the shortest line between vertices of two meshes, and the line's length, mm. At most some thousand
@@ -475,6 +509,33 @@ mod tests {
         let morison = view_of(&planes, "morison");
         assert_eq!(morison.landmarks.len(), 1);
         assert_eq!(morison.outlines, ["liver", "kidney_right"]);
+    }
+
+    #[test]
+    fn the_beam_meets_the_pleura_perpendicularly_between_two_ribs() {
+        // A lung whose front slants by 14°, and ribs in front of it.
+        let mut surfaces = patient();
+        let mut lung = ball("lung_upper_lobe_right", [-60.0, -10.0, 150.0], [50.0, 60.0, 90.0]);
+        lung.mesh.vertices_mm.iter_mut().for_each(|v| v.y += 0.25 * (v.z - 150.0));
+        let ribs = (0..8).map(|n| {
+            let low = Vec3::new(-130.0, -92.0, 40.0 + 26.0 * n as f32);
+            made("rib", cuboid(low, low + Vec3::new(130.0, 10.0, 10.0)))
+        });
+        surfaces.extend(ribs);
+        surfaces.push(lung);
+        let sight =
+            Sight::new(&surfaces, Vec::new(), |made| ["rib", "lung_upper_lobe_right"].contains(&made.name.as_str()));
+        let (planes, rows) = windows(&surfaces, sight.as_ref().unwrap());
+        let view = view_of(&planes, "lung");
+        let lung = Skin::of_triangles(surfaces.last().unwrap().mesh.corners_mm()).unwrap();
+        let pleura_mm = lung.exit(view.centre_mm - 20.0 * view.to_probe, view.to_probe).unwrap();
+        let normal = outward(&surfaces.last().unwrap().mesh, pleura_mm, 5.0).unwrap();
+        let off_deg = normal.angle_between(view.to_probe).to_degrees();
+        let row = rows.iter().find(|row| row.name == "lung").unwrap();
+        assert!(off_deg < 2.0 && row.touching == 1.0 && row.hidden < 0.5, "{off_deg:.1}°, {row:?}");
+        // Between the ribs, which begin every 26 mm and are 10 mm high.
+        let above_mm = (view.centre_mm.z - 40.0).rem_euclid(26.0);
+        assert!((12.0..24.0).contains(&above_mm), "{above_mm}");
     }
 
     #[test]
