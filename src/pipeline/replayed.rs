@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::recorded::{SETTINGS_EVENT, settings_after};
-use crate::needle::{Needle, NeedleEstimate};
+use crate::needle::NeedleEstimate;
 use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
