@@ -32,7 +32,7 @@ fn a_label_map_becomes_a_scene_with_a_station_a_recording_and_a_page() {
     let printed = succeeded(&from_labels(&labels, &folder.path().join("p.glb"), &more));
     let summary: serde_json::Value = serde_json::from_str(&printed).unwrap();
     let names: Vec<&str> = summary["surfaces"].as_array().unwrap().iter().filter_map(|s| s["name"].as_str()).collect();
-    assert!(names.starts_with(&["skin", "fat", "soft_tissue"]) && names.contains(&"gallstone"), "{names:?}");
+    assert!(names.starts_with(&["skin", "fat", "fascia", "soft_tissue"]) && names.contains(&"gallstone"), "{names:?}");
     let remarks = summary["remarks"].to_string();
     assert!(
         remarks.contains("a guess, a hull") && remarks.contains("feet") && !remarks.contains("doctor"),

@@ -179,6 +179,7 @@ fn walls_gas_and_layers_nest() {
     let expected = [
         "skin",
         "fat",
+        "fascia",
         "soft_tissue",
         "stomach_wall",
         "stomach_submucosa",
@@ -190,7 +191,7 @@ fn walls_gas_and_layers_nest() {
     ];
     assert_eq!(names, expected);
     let volume_of = |name: &str| outcome.surfaces.iter().find(|s| s.name == name).unwrap().mesh.signed_volume_mm3();
-    for pair in [&expected[..4], &expected[3..8], &expected[8..]] {
+    for pair in [&expected[..5], &expected[4..9], &expected[9..]] {
         for names in pair.windows(2) {
             assert!(volume_of(names[0]) > volume_of(names[1]), "{names:?}");
         }

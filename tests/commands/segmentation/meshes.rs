@@ -22,7 +22,7 @@ fn a_body_of_a_mesh_has_skin_and_fat_of_their_thickness() {
         let volume = made.iter().find(|s| s.name == name).unwrap().mesh.signed_volume_mm3();
         (volume * 0.75 / std::f64::consts::PI).cbrt()
     };
-    for (name, expected) in [("skin", 100.0), ("fat", 98.0), ("soft_tissue", 86.0), ("liver", 40.0)] {
+    for (name, expected) in [("skin", 100.0), ("fat", 98.0), ("fascia", 86.0), ("soft_tissue", 85.0), ("liver", 40.0)] {
         assert!((radius(name) - expected).abs() < 1.0, "{name}: {} mm", radius(name));
     }
 }

@@ -196,7 +196,7 @@ fn compare_with(cases: &[Case], rays: u32, layers: u32, aperture: Choice) -> f64
 /// profiles.
 const LINEAR_GOOD: f64 = 0.96;
 const CONVEX_GOOD: f64 = 0.93;
-const PHASED_GOOD: f64 = 0.9;
+const PHASED_GOOD: f64 = 0.98;
 
 #[test]
 fn shadows_of_a_linear_array_are_those_of_diffraction() {

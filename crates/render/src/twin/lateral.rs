@@ -47,7 +47,7 @@ pub fn lateral(
                 let level = (whole / unwidened_power).sqrt() / kernel.iter().sum::<f64>();
                 1.0 / (total * level)
             } else {
-                (whole / power.max(0.5 * whole)).sqrt()
+                (unwidened_power / power.max(0.5 * unwidened_power)).sqrt()
             };
             let first = block * inputs.depth_block;
             for sample in first..(first + inputs.depth_block).min(inputs.samples) {

@@ -82,6 +82,8 @@ pub(in crate::host) fn lateral(
 /// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
 struct Weights {
     taps: [f32; TAPS_MAX],
+    /// Kernel of a phased array off its normal.
+    wide: [f32; TAPS_MAX],
     first: usize,
     end: usize,
     /// Amplitude of speckle with these weights, relative to the depth's kernel.
@@ -93,19 +95,19 @@ impl LateralBeam<'_> {
     #[inline(always)]
     fn weigh(&self, params: &Params, line: usize, block: usize, position: f32, weights: &mut Weights) {
         let taps = 2 * params.lateral_half as usize + 1;
-        let kernel = &self.kernels.lateral[block * taps..][..taps];
-        let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
+        let mut kernel = &self.kernels.lateral[block * taps..][..taps];
+        let (half, mut reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
         let projection = params.projection(line);
         weights.level = 1.0;
         if projection < 1.0 {
-            // Phased arrays, which have no blends.
-            let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
-            widen(kernel, reach, projection, &mut weights.taps[..taps]);
-            let widened = &weights.taps[half - reach..=half + reach];
+            reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
+            let wide = &mut weights.wide[..taps];
+            wide.fill(0.0);
+            widen(kernel, reach, projection, wide);
+            kernel = wide;
+            let widened = &kernel[half - reach..=half + reach];
             // Speckle of a wide kernel whose sum is 1 would be darker.
             weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
-            (weights.first, weights.end) = (half - reach, half + reach + 1);
-            return;
         }
         let (mut first, mut end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
@@ -188,7 +190,7 @@ fn focus_row_body(
     let to = (2 * half + 1).min(lines + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
+    let mut weights = Weights { taps: [0.0; TAPS_MAX], wide: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);

@@ -230,8 +230,7 @@ mod tests {
             reflections: true,
             aperture: false,
         };
-        let rules =
-            Rules { effects: on, constants: TraceConstants::default(), seed: 5, single: false, aperture_mm: 20.0 };
+        let rules = Rules { effects: on, constants: Default::default(), seed: 5, single: false, aperture_mm: 20.0 };
         let (mut batch, mut plain) = (InterfaceBatch::new(), InterfaceBatch::new());
         let (mut reflected, mut bent) = (0, 0);
         for trial in 0..500 {
