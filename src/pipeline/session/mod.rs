@@ -270,12 +270,7 @@ impl Pipeline {
 
         let needle = parts.needle.map(|watch| NeedleStage::start(watch, &clock, &events));
         let needle = needle.transpose().map_err(refused("needle"))?;
-        let live = LiveSettings {
-            probe: parts.probe,
-            render: parts.render,
-            generator: has_generator,
-            ..LiveSettings::default()
-        };
+        let live = live_settings(parts.probe, parts.render, has_generator);
         let render = RenderParts {
             clock: clock.clone(),
             stop: stop.clone(),
@@ -322,6 +317,11 @@ impl Pipeline {
         let damaged = self.tracker.as_ref().map_or(0, |tracker| tracker.totals().damaged);
         self.metrics.status([self.started_at, self.clock.now()], dropped, damaged, notice)
     }
+}
+
+/// Live settings of a session that begins.
+fn live_settings(probe: Probe, render: RenderSettings, generator: bool) -> LiveSettings {
+    LiveSettings { probe, render, generator, ..LiveSettings::default() }
 }
 
 fn milliseconds(ms: f64) -> Duration {

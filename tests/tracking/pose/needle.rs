@@ -127,7 +127,10 @@ fn wrong_motions_of_a_needle_are_refused_with_what_to_do() {
     refused(&calibrate("spin", &spun, &["--bevel-faces", "1,0,0"]), &["expected one of +x"]);
     refused(&insonify(&["calibrate", "spin", "--of", "stylus", spun.to_str().unwrap()]), &["invalid value 'stylus'"]);
     refused(&insonify(&["calibrate", "spin"]), &["<POSES>"]);
-    refused(&insonify(&["calibrate", "spin", spun.to_str().unwrap(), "--sensor", "2"]), &["--tracker"]);
+    refused(
+        &insonify(&["calibrate", "spin", spun.to_str().unwrap(), "--sensor", "2"]),
+        &["cannot be used with", "--sensor"],
+    );
     assert!(!out.exists(), "nothing is written");
     // The facet can't face along the shaft.
     let along = at(DQuat::IDENTITY);
