@@ -257,7 +257,7 @@ mod tests {
                 let side = DVec3::new(f64::from(v.x) * medial, f64::from(v.y), 0.0).normalize();
                 side.dot(DVec3::new(-1.0, FORWARD, 0.0).normalize()) > 0.97 && v.z.abs() < 8.0
             };
-            assert!((depths(&sinus.mesh, opposite) - PARENCHYMA_MM).abs() < 0.7, "{}", depths(&sinus.mesh, opposite));
+            assert!((depths(&sinus.mesh, opposite) - PARENCHYMA_MM).abs() < 1.0, "{}", depths(&sinus.mesh, opposite));
             // At the hilum the sinus reaches the surface nearly.
             assert!(depths(&sinus.mesh, |_, _| true) < 1.2, "{}", depths(&sinus.mesh, |_, _| true));
             let share = |mesh: &Mesh| mesh.signed_volume_mm3() / made.mesh.signed_volume_mm3();
@@ -283,7 +283,7 @@ mod tests {
             assert_eq!(runs.iter().filter(|run| run[0]).count(), row.len(), "{angle_deg}");
             let columns = runs[1..runs.len() - 1].iter().filter(|run| !run[0]);
             let narrowest_mm = columns.map(|run| 0.25 * run.len() as f64).fold(f64::INFINITY, f64::min);
-            assert!(narrowest_mm > 4.0, "{angle_deg}: {narrowest_mm}");
+            assert!(narrowest_mm > 3.5, "{angle_deg}: {narrowest_mm}");
         }
     }
 

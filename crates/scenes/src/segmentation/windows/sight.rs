@@ -10,8 +10,11 @@ use crate::segmentation::grid::CutPlane;
 const CUT_MM: f64 = 6.0;
 /// Positions of sampled points across the target, relative to its half width.
 const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
-/// Positions of sampled points on the probe's face, mm from its centre.
-const FACE_MM: [f64; 3] = [-18.0, 0.0, 18.0];
+/// Positions of sampled points on the probe's face, relative to the part of it that sees the target.
+const FACE: [f64; 3] = [-1.0, 0.0, 1.0];
+/// Half of the face that sees a wide target, mm. A small one, such as pleura between two ribs, is seen by a part twice as
+/// wide as the target.
+const FACE_MM: f64 = 18.0;
 /// Length at both ends of a line of sight that is not checked for bone and gas, mm.
 const ENDS_MM: f64 = 1.0;
 
@@ -56,6 +59,7 @@ impl Sight {
     pub fn hidden(&self, contact_mm: DVec3, centre_mm: DVec3, half_width_mm: DVec3) -> f64 {
         let Some(hard) = &self.hard else { return 0.0 };
         let along_face = half_width_mm.normalize_or_zero();
+        let face_mm = FACE_MM.min(2.0 * half_width_mm.length());
         let is_hidden = |&(share, aside_mm): &(f64, f64)| {
             let point = centre_mm + half_width_mm * share;
             let way = contact_mm + along_face * aside_mm - point;
@@ -65,7 +69,7 @@ impl Sight {
             let hit = hard.exit(point, along);
             hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
         };
-        let lines = || ACROSS.iter().flat_map(|&share| FACE_MM.iter().map(move |&aside_mm| (share, aside_mm)));
+        let lines = || ACROSS.iter().flat_map(|&share| FACE.iter().map(move |&aside| (share, aside * face_mm)));
         lines().filter(is_hidden).count() as f64 / lines().count() as f64
     }
 }
