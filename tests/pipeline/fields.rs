@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use insonify::pipeline::WithStandingNeedle;
+
 use super::*;
 
 /// Names in the first column of the table below a heading of that document.
@@ -25,7 +27,10 @@ fn the_documented_fields_are_those_that_are_written() {
     // With a controller of operating points a line has its point.
     let (generators, points) = (Some(generator(&clock, 10 * MS)), Some(with_generator()));
     let log = Some(FrameLog::create(&path).unwrap());
-    let summary = Session { generators, points, log, ..Session::new(&clock, moving) }.run();
+    // With a needle it has the needle, too.
+    let needle = Some(Needle { scene_from_needle: pose(7.0), bevel_known: true });
+    let poses = Box::new(WithStandingNeedle { poses: Poses(moving), needle });
+    let summary = Session { poses, generators, points, log, ..Session::new(&clock, moving) }.run();
     let text = std::fs::read_to_string(&path).unwrap();
     let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(!lines.is_empty());
