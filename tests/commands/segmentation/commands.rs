@@ -228,11 +228,17 @@ fn parts_that_no_label_shows_are_said_and_left_out_on_request() {
     };
     let with = made(&[]);
     assert!(with.contains("kidney_right_sinus") && with.contains("liver_parenchyma"), "{with}");
-    assert!(with.contains("assumed, as no label shows it: capsule, kidney"), "{with}");
+    assert!(with.contains("assumed, as no label shows it: capsule, fascia, kidney"), "{with}");
     let some = made(&["--without", "kidney"]);
     assert!(!some.contains("kidney_right_sinus") && some.contains("liver_parenchyma"), "{some}");
     let none = made(&["--without", "all"]);
-    assert!(!none.contains("assumed, as") && !none.contains("parenchyma") && !none.contains("sinus"), "{none}");
+    assert!(
+        !none.contains("assumed, as")
+            && !none.contains("parenchyma")
+            && !none.contains("sinus")
+            && !none.contains("fascia"),
+        "{none}"
+    );
     let wrong = from_labels(&labels, &folder.path().join("p.glb"), &["--without", "kidny", "--force"]);
     refused(&wrong, &["kidny", "kidney"]);
 }
