@@ -20,7 +20,7 @@ use crate::measuring::{MeasuringError, timed_needle};
 use crate::pose::Pose;
 use crate::recording::RecorderHandle;
 use crate::render::{Effect, RenderError};
-use crate::settings::{Control, NeedleKind};
+use crate::settings::Control;
 use crate::sink::live::LiveSink;
 use crate::sink::openigtlink::OpenIgtLink;
 #[cfg(feature = "video")]
@@ -104,7 +104,7 @@ impl LiveStation {
         let at = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
         renderer.set_needle(needle.or_else(|| timed_needle(&station.settings, &station.probe, &at)));
         let poses = WithStandingNeedle { poses, needle };
-        let is_needle = station.settings.needle.is_some_and(|needle| needle.kind != NeedleKind::Pointer);
+        let is_needle = station.settings.needle.is_some_and(|needle| needle.echoes());
         let watch = is_needle.then(|| factory.needle_watch(station.exercise.as_ref()));
         let start = chooser::choose(&mut renderer, station, &mut generators, pose)?;
         messages.extend(start.messages);

@@ -10,9 +10,8 @@ use crate::exam::{ExamError, LATENCY_NS, START_TIME_NS, encode};
 use crate::pose::{Calibration, Pose, TimedPose};
 use crate::recording::Event;
 
-/// Name of the events that tell the hand's intention: `{"pass": 1, "phase": "aim" | "advance" | "rest" | "withdraw"}`. The
-/// first
-/// one also has `aim_mm` and `entry_mm`.
+/// Name of the events that tell the hand's intention: `{"pass": 1, "phase": "aim" | "advance" | "rest" | "withdraw"}`.
+/// The first event also has `aim_mm` and `entry_mm`.
 pub const TRUTH_EVENT: &str = "truth.needle";
 
 /// Properties that all sessions of an exercise share.

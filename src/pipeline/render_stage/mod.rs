@@ -29,11 +29,11 @@ use super::needle_stage::ToFollow;
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSource, RendererFactory};
 use super::rendered::{Rendered, blacken};
+use super::replay::is_scored;
 use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::chooser::PointController;
 use crate::exam::needle::Sample;
-use crate::pose::TrackingState;
 use crate::presented::{FrameInfo, FrameTimeline, PointText, Pool};
 use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
@@ -278,12 +278,11 @@ impl RenderStage {
         FrameInfo { number, estimate, needle, timeline, settings, ..FrameInfo::default() }
     }
 
-    /// Hands the poses of a frame at `scene_time` to the needle stage. Stale poses count as unknown, as in a score.
+    /// Hands the poses of a frame at `scene_time` to the needle stage, if they count in a score.
     fn follow_needle(&self, info: &FrameInfo, scene_time: Duration) {
-        let known = |state: TrackingState| state <= TrackingState::Stuck;
-        let needle = info.needle.filter(|needle| known(needle.state)).and_then(|known| known.needle);
+        let needle = info.needle.filter(|estimate| is_scored(estimate.state)).and_then(|estimate| estimate.needle);
         let Some((slot, needle)) = self.parts.to_needle.as_ref().zip(needle) else { return };
-        let (time_s, probe) = (scene_time.as_secs_f64(), info.pose().filter(|_| known(info.estimate.state)));
+        let (time_s, probe) = (scene_time.as_secs_f64(), info.pose().filter(|_| is_scored(info.estimate.state)));
         slot.put(ToFollow { sample: Sample { time_s, probe, needle: Some(needle) }, probe: info.settings.probe });
     }
 

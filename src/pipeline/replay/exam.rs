@@ -70,9 +70,14 @@ fn poses_in_scene(tool: &ToolPoses, calibration: &Calibration) -> Vec<TimedPose>
         let in_scene = |timed: &TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..*timed };
         return tool.measured.iter().map(in_scene).collect();
     }
-    let shown = tool.used.iter().filter(|used| used.state <= TrackingState::Stuck);
+    let shown = tool.used.iter().filter(|used| is_scored(used.state));
     let timed = |host_time_ns: u64, pose| TimedPose { host_time_ns, device_time_us: host_time_ns / 1000, pose };
     shown.map(|used| timed(used.host_time_ns, used.pose)).collect()
+}
+
+/// Whether a pose of a session counts in its score. A stale one doesn't.
+pub(in crate::pipeline) fn is_scored(state: TrackingState) -> bool {
+    state <= TrackingState::Stuck
 }
 
 /// Holds the pose while the picture is frozen. Returns, for each pose, the image depth, mm, and whether the picture was

@@ -30,6 +30,7 @@ use crate::transducer::Probe;
 
 pub use error::ReplayError;
 pub use exam::RecordedExam;
+pub(super) use exam::is_scored;
 #[cfg(feature = "video")]
 pub use files::{FrameEntry, REPLAY_FILES, WrittenReplay};
 pub use frame_range::FrameRange;

@@ -31,10 +31,11 @@ const PLANE_MM: f64 = 3.33;
 const CELL_MM: [f64; 2] = [0.28125, 0.135];
 /// Largest distance between beams along the face, mm: on flat faces, then on curved faces.
 const BEAM_MM: [f64; 2] = [0.5625, 0.45];
-/// The same for phased arrays, where waves begin: a sector widens by ten times and more from there.
+/// Largest cell and largest distance between beams of phased arrays, mm, on the arc where their waves begin. From there a
+/// sector widens by ten times and more.
 const PHASED_MM: (f64, f64) = (0.15, 0.3);
-/// Radius of the arc about the middle of a phased array from which waves are computed, relative to its aperture. Nearer,
-/// the aperture's ends are beside the arc.
+/// Radius of the arc from which the waves of a phased array are computed, relative to its aperture. The arc is about the
+/// middle of the array, and encloses both ends of the aperture.
 const PHASED_RADIUS: f64 = 0.625;
 /// Angle, radians, by which the beams of a phased array reach beyond their axis at that arc.
 const PHASED_REACH: f64 = 0.96;

@@ -41,9 +41,10 @@ const STAGGERED: [f64; 3] = [-1.0, 0.0, 1.0];
 /// (assumed).
 const SPACING: f64 = 0.17;
 const CONVERGING: f64 = 0.3;
-/// Half widths of a pyramid's base along the kidney and around it, relative to the distance of neighbouring axes, and of
-/// its tip relative to its base (assumed). What is left between the bases are columns of cortex.
+/// Half widths of a pyramid's base, along the kidney and around it, relative to the distance of neighbouring axes (assumed).
+/// Both are below 0.5, so columns of cortex stay between neighbours.
 const BASES: [f64; 2] = [0.34, 0.4];
+/// Half width of a pyramid's tip, relative to its base (assumed).
 const TIP: f64 = 0.25;
 /// Exponent of a cone's narrowing towards its tip: 1 for straight sides.
 const BULGE: f64 = 1.3;
