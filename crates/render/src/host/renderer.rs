@@ -196,8 +196,7 @@ impl HostRenderer {
         }
         laps.note("scan_convert");
         if let (Some(needle), true) = (&inputs.configuration.needle, maps_wanted) {
-            let (width, height) = (frame.width, frame.height);
-            needle::map::needle_map(self.image, &needle.outline, width, height, &mut frame.segmentation);
+            needle::map::needle_map(self.image, &needle.outline, frame.width, &mut frame.segmentation);
             laps.note("needle_map");
         }
         unpad(&mut frame.lines, &b.lines, params.samples as usize, params.row_samples as usize);

@@ -101,6 +101,7 @@ impl Outline {
     }
 
     /// Whether the cross-section covers the centre of a pixel.
+    #[inline(always)]
     pub(crate) fn covers(&self, column: u32, row: u32) -> bool {
         let x = self.corner_mm[0] + (column as f32 + 0.5) * self.pixel_mm - self.tip_mm[0];
         let z = self.corner_mm[1] + (row as f32 + 0.5) * self.pixel_mm - self.tip_mm[2];
@@ -109,7 +110,7 @@ impl Outline {
         let along = x * dx + y * dy + z * dz;
         let (ox, oy, oz) = (x - along * dx, y - along * dy, z - along * dz);
         let beside2 = ox * ox + oy * oy + oz * oz;
-        along >= 0.0 && along <= self.length_mm && beside2 <= self.radius_mm * self.radius_mm
+        (along >= 0.0) & (along <= self.length_mm) & (beside2 <= self.radius_mm * self.radius_mm)
     }
 }
 

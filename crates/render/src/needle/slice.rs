@@ -23,6 +23,8 @@ const NEAREST_WAVELENGTHS: f64 = 4.0;
 pub(super) struct Slice {
     depth_step_mm: f64,
     depths: Vec<AtDepth>,
+    /// Largest offset of the tables, mm.
+    reach_mm: f64,
     /// Overlap of the lens with its mirror image, by the distance of the image: see [`Slice::tilt`].
     overlap: Overlap,
 }
@@ -94,16 +96,18 @@ impl Slice {
         let depth_step_mm = probe.depth_mm / f64::from(INTERVALS);
         let nearest_mm = NEAREST_WAVELENGTHS * wavelength_mm(probe.frequency_mhz);
         let depth = |i: u32| AtDepth::new(probe, (f64::from(i) * depth_step_mm).max(nearest_mm));
+        let depths: Vec<AtDepth> = (0..=INTERVALS).into_par_iter().map(depth).collect();
         Self {
             depth_step_mm,
-            depths: (0..=INTERVALS).into_par_iter().map(depth).collect(),
+            reach_mm: depths.iter().map(AtDepth::reach_mm).fold(0.0, f64::max),
+            depths,
             overlap: Overlap::new(probe, [probe.elevational_height_mm; 2]),
         }
     }
 
     /// Largest offset of the tables, mm.
     pub(super) fn reach_mm(&self) -> f64 {
-        self.depths.iter().map(AtDepth::reach_mm).fold(0.0, f64::max)
+        self.reach_mm
     }
 
     /// The two tabulated depths around `depth_mm`, and the fraction of the way from the first to the second.

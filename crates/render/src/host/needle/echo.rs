@@ -1,10 +1,10 @@
 //! Adds the needle's echoes to the focused lines, with the loss of the scanline up to the needle.
 
-use insonify_core::simd::{at_least, exp, phasor};
+use insonify_core::simd::{at_least, exp, phasor, widened};
 use rayon::prelude::*;
 
 use crate::fractional_delay::TAPS;
-use crate::host::aperture::gain::ApertureGains;
+use crate::host::aperture::gain::{ApertureGain, ApertureGains};
 use crate::host::constants::ImageConstants;
 use crate::host::paths::Paths;
 use crate::host::scatter::echo::add_at;
@@ -36,23 +36,46 @@ pub(in crate::host) fn needle_echo(
     let rows = focused.par_chunks_exact_mut(params.row_samples as usize).zip(needle.frame.starts.par_windows(2));
     rows.with_min_len(8).enumerate().for_each(|(line, (row, ends))| {
         let echoes = &needle.frame.echoes[ends[0] as usize..ends[1] as usize];
-        let row = &mut row[..params.samples as usize];
-        echoes.iter().for_each(|echo| add(params, constants, &needle, line as u32, echo, row));
+        add_line(params, constants, &needle, line as u32, echoes, &mut row[..params.samples as usize]);
     });
 }
 
-/// Adds one echo to a scanline.
-fn add(
+widened! {
+    /// Adds the echoes of one scanline.
+    fn add_line(
+        params: &Params, constants: ImageConstants, needle: &Needle<'_>, line: u32, echoes: &[NeedleEcho],
+        row: &mut [[f32; 2]],
+    ) = add_line_body
+}
+
+#[inline(always)]
+fn add_line_body(
     params: &Params,
     constants: ImageConstants,
     needle: &Needle<'_>,
     line: u32,
+    echoes: &[NeedleEcho],
+    row: &mut [[f32; 2]],
+) {
+    let gain = needle.aperture_gains.map(|gains| gains.line(line));
+    for echo in echoes {
+        add(params, constants, needle, (line, gain), echo, row);
+    }
+}
+
+/// Adds one echo to a scanline with the aperture's gain along it.
+#[inline(always)]
+fn add(
+    params: &Params,
+    constants: ImageConstants,
+    needle: &Needle<'_>,
+    (line, gain): (u32, Option<ApertureGain<'_>>),
     echo: &NeedleEcho,
     row: &mut [[f32; 2]],
 ) {
     let (segment, reached_mm) = reached(&needle.paths, params.axial_path_of(line), echo.depth_mm);
-    let ln_gain = match needle.aperture_gains {
-        Some(gains) => gains.line(line).at(reached_mm, segment.loss_np(reached_mm)),
+    let ln_gain = match gain {
+        Some(gain) => gain.at(reached_mm, segment.loss_np(reached_mm)),
         None => segment.ln_amplitude_at_zero - segment.fall_np_mm * reached_mm,
     };
     let trips = at_least(-echo.extra_mm, 1.0);
@@ -66,6 +89,7 @@ fn add(
 
 /// Segment of a path at a depth, and the range there, mm. Media of other speeds than 1540 m/s make it differ from the
 /// depth.
+#[inline(always)]
 fn reached<'a>(paths: &Paths<'a>, path: u32, depth_mm: f32) -> (&'a Segment, f32) {
     let (starts, segments) = paths.of(path as usize);
     let (mut left_mm, mut at) = (depth_mm, 0);
@@ -81,6 +105,7 @@ fn reached<'a>(paths: &Paths<'a>, path: u32, depth_mm: f32) -> (&'a Segment, f32
 }
 
 /// Depth per mm of range on a segment; 1 on reflected segments.
+#[inline(always)]
 fn rate_of(segment: &Segment) -> f32 {
     let [x, y, z] = segment.step;
     let rate = (x * x + y * y + z * z).sqrt();

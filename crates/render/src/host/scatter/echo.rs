@@ -140,6 +140,7 @@ impl Echoes {
 }
 
 /// Adds an echo at a range to a scanline: to the samples around its place, or to the nearest sample if `delays` is empty.
+#[inline(always)]
 pub(in crate::host) fn add_at(
     params: &Params,
     range_mm: f32,
