@@ -5,8 +5,8 @@
 // wider off its normal. A kernel may reach beyond the array. With an aperture, it meets the mirror image of what is
 // within, a quarter of a cycle later. Without one, the weights within are scaled to the sum of all.
 //
-// Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections
-// don't carry the gain. If both scanlines have such echoes, the weaker one's amplitude is the least that is compared.
+// Each scanline sees its neighbours' scatterers with the gain of its own aperture. It sees their echoes that came by
+// reflections with the kernel, by the share of these echoes in the neighbour's power. Of both weights the greater counts.
 //
 // The wavefront of a steered frame is across its scanlines, so a neighbour's samples lie deeper or higher.
 
@@ -32,7 +32,7 @@ const SHARING: u32 = DEPTH_BLOCK / 4u;
 const BLOCKS: u32 = THREADS / SHARING;
 const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 
-// Weight of each tap, times the gain of the scanline over its neighbour's [taps × blocks].
+// Weight of each tap, with the gain of the scanline over its neighbour's [taps × blocks].
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
 // Phase of each neighbour's wavefront; used only in steered frames.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
@@ -108,7 +108,6 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var near = 0u;
     var far = 0u;
     var own = 1.0;
-    var own_reflected = 0.0;
     let projection = projection_of(line);
     var reach = u32(kernel_spans[block].x);
     if projection < 1.0 {
@@ -119,7 +118,6 @@ fn weigh(thread: u32, line: u32, block: u32) {
     if APERTURE {
         let gain = block_gains[line * blocks + block];
         own = gain.x;
-        own_reflected = reflected_of(line, block, gain.x);
         let position = clamp(gain.y, 0.0, f32(aperture.planes - 1u));
         let low = min(u32(position), max(aperture.planes, 2u) - 2u);
         part = position - f32(low);
@@ -144,13 +142,15 @@ fn weigh(thread: u32, line: u32, block: u32) {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));
         }
         sum += vec4<f32>(weight * weight, weight, kernel * kernel, kernel);
-        if weight > 0.0 {
+        if weight > 0.0 || (APERTURE && kernel > 0.0) {
             first = min(first, at);
             end = at + 1u;
             if APERTURE {
                 let gain = block_gains[source * blocks + block].x;
                 let by_reflections = reflected_of(source, block, gain);
-                weight *= min(max(own, min(own_reflected, by_reflections)) / max(gain, by_reflections), NEIGHBOUR_GAIN_MAX);
+                let carried = max(gain, by_reflections);
+                let share = by_reflections / carried;
+                weight = max(weight * min(own / carried, NEIGHBOUR_GAIN_MAX), kernel * (share * share));
             }
         }
         weights[at * BLOCKS + thread / SHARING] = weight;

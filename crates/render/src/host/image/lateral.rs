@@ -49,11 +49,11 @@ pub(in crate::host) struct LateralBeam<'a> {
 /// Beyond the array's ends, a beam with an aperture receives a mirror image of the tissue inside, a quarter of a cycle
 /// later. So the powers of tissue and image add. Without the aperture, the weights inside are scaled to the sum of all.
 ///
-/// Echoes of reflected paths are not scaled by the gain. If two scanlines both have reflected echoes, the own gain
-/// counts as at least the smaller of the two reflected amplitudes.
+/// Obstacles of the scan plane don't hide echoes of reflected paths. So a scanline sees these echoes of its neighbours
+/// with the kernel, by their share in the neighbour's power. Of both weights the greater one counts.
 ///
 /// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes: first the greater of the
-/// aperture's gain and the reflected amplitude, then the reflected amplitude alone.
+/// aperture's gain and the reflected amplitude, then the share of reflected echoes in the power.
 pub(in crate::host) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
@@ -65,11 +65,12 @@ pub(in crate::host) fn lateral(
     let blocks = row_samples / DEPTH_BLOCK as usize;
     let rows = amplitudes.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
     rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
-        let (carried, reflected) = row.split_at_mut(params.scanlines as usize);
+        let (carried, shares) = row.split_at_mut(params.scanlines as usize);
         let lines = beam.gains.chunks_exact(blocks).zip(beam.reflected.chunks_exact(blocks));
-        for ((carried, reflected), (gains, over_gain)) in carried.iter_mut().zip(reflected).zip(lines) {
-            *reflected = at_most(gains[block][0] * over_gain[block], 1.0);
-            *carried = at_least(gains[block][0], *reflected);
+        for ((carried, share), (gains, over_gain)) in carried.iter_mut().zip(shares).zip(lines) {
+            let reflected = at_most(gains[block][0] * over_gain[block], 1.0);
+            *carried = at_least(gains[block][0], reflected);
+            *share = (reflected / *carried) * (reflected / *carried);
         }
     });
     let amplitudes = &*amplitudes;
@@ -82,8 +83,8 @@ pub(in crate::host) fn lateral(
 /// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
 struct Weights {
     taps: [f32; TAPS_MAX],
-    /// Kernel of a phased array off its normal.
-    wide: [f32; TAPS_MAX],
+    /// Kernel of the depth, for a phased array off its normal the widened one.
+    kernel: [f32; TAPS_MAX],
     first: usize,
     end: usize,
     /// Amplitude of speckle with these weights, relative to the depth's kernel.
@@ -95,20 +96,21 @@ impl LateralBeam<'_> {
     #[inline(always)]
     fn weigh(&self, params: &Params, line: usize, block: usize, position: f32, weights: &mut Weights) {
         let taps = 2 * params.lateral_half as usize + 1;
-        let mut kernel = &self.kernels.lateral[block * taps..][..taps];
+        let plain = &self.kernels.lateral[block * taps..][..taps];
         let (half, mut reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
         let projection = params.projection(line);
         weights.level = 1.0;
         if projection < 1.0 {
             reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
-            let wide = &mut weights.wide[..taps];
-            wide.fill(0.0);
-            widen(kernel, reach, projection, wide);
-            kernel = wide;
-            let widened = &kernel[half - reach..=half + reach];
+            weights.kernel[..taps].fill(0.0);
+            widen(plain, reach, projection, &mut weights.kernel[..taps]);
+            let widened = &weights.kernel[half - reach..=half + reach];
             // Speckle of a wide kernel whose sum is 1 would be darker.
             weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
+        } else {
+            weights.kernel[..taps].copy_from_slice(plain);
         }
+        let kernel = &weights.kernel[..taps];
         let (mut first, mut end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
@@ -190,7 +192,7 @@ fn focus_row_body(
     let to = (2 * half + 1).min(lines + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    let mut weights = Weights { taps: [0.0; TAPS_MAX], wide: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
+    let mut weights = Weights { taps: [0.0; TAPS_MAX], kernel: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
@@ -222,18 +224,17 @@ fn focus_row_body(
         let beyond = (first..within.start.min(end)).chain(within.end.max(first)..end);
         let nearest = line + within.start - half;
         if !gains.is_empty() {
-            let (carried, reflected) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
-            let own_reflected = reflected[line];
-            let compared = |carried: f32, other: f32| {
-                at_most(at_least(own, at_most(own_reflected, other)) / carried, NEIGHBOUR_GAIN_MAX)
+            let (carried, shares) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
+            let seen = |weight: f32, kernel: f32, carried: f32, share: f32| {
+                at_least(weight * at_most(own / carried, NEIGHBOUR_GAIN_MAX), kernel * share)
             };
-            let others = carried[nearest..].iter().zip(&reflected[nearest..]);
-            for (weighted, (&carried, &other)) in weighted[within.clone()].iter_mut().zip(others) {
-                *weighted *= compared(carried, other);
+            let others = carried[nearest..].iter().zip(&shares[nearest..]).zip(&weights.kernel[within.clone()]);
+            for (weighted, ((&carried, &share), &kernel)) in weighted[within.clone()].iter_mut().zip(others) {
+                *weighted = seen(*weighted, kernel, carried, share);
             }
             for tap in beyond.clone() {
                 let source = mirrored(line + tap, half, lines);
-                weighted[tap] *= compared(carried[source], reflected[source]);
+                weighted[tap] = seen(weighted[tap], weights.kernel[tap], carried[source], shares[source]);
             }
         }
         let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&weighted[within.clone()]);
