@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::anatomy::{Bvh, BvhError, Scene, SegmentSearch};
+use crate::anatomy::{Bounds, Bvh, BvhError, Scene, SegmentSearch};
 
 /// Longest time between two poses of one step, s. After a longer gap the tip is placed anew, without events.
 pub const GAP_S: f64 = 0.25;
@@ -27,6 +27,9 @@ const TOUCH_MM: f64 = 1e-3;
 /// Offset of the point that is followed from the tip, mm. It is in no plane of symmetry, so a tip that rests or slides
 /// exactly on a surface is on one side of it, always the same.
 const OFFSET_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
+
+/// Width by which the box of a step is enlarged, mm. It exceeds the rounding of positions to f32.
+const MARGIN_MM: f32 = 0.1;
 
 /// Kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -84,6 +87,8 @@ pub struct TipWatch {
     bvh: Arc<Bvh>,
     surfaces: Vec<Watched>,
     last: Option<Place>,
+    /// Time of the scene of the next position, s; `None` before the first one.
+    scene_time_s: Option<f64>,
     search: SegmentSearch,
 }
 
@@ -102,15 +107,17 @@ impl TipWatch {
             bvh,
             surfaces: vec![Watched::default(); scene.surfaces.len()],
             last: None,
+            scene_time_s: None,
             search: SegmentSearch::default(),
         }
     }
 
-    /// Moves the surfaces of a scene with motion to their places at `time_s` of the scene. A surface that moves over
-    /// the tip is entered or left in the next step.
+    /// Sets the time of a scene with motion for the next position. A surface that moves over the tip is entered or left in
+    /// the next step.
     pub fn set_scene_time_s(&mut self, time_s: f64) {
         if self.bvh.moves() {
-            Arc::make_mut(&mut self.bvh).set_time_s(time_s);
+            Arc::make_mut(&mut self.bvh).set_drift(time_s);
+            self.scene_time_s = Some(time_s);
         }
     }
 
@@ -129,7 +136,9 @@ impl TipWatch {
             return Vec::new();
         }
         let tip = Place { time_s, position_mm: tip_mm + OFFSET_MM - self.bvh.drift_mm() };
-        let Some(last) = self.last.filter(|last| (0.0..=GAP_S).contains(&(time_s - last.time_s))) else {
+        let last = self.last.filter(|last| (0.0..=GAP_S).contains(&(time_s - last.time_s)));
+        self.move_scene(last, tip);
+        let Some(last) = last else {
             self.place(tip);
             return Vec::new();
         };
@@ -157,6 +166,15 @@ impl TipWatch {
     /// Whether the tip is inside the closed mesh of a surface, which need not be the medium.
     pub fn is_inside(&self, surface: usize) -> bool {
         self.last.is_some() && self.surfaces.get(surface).is_some_and(|surface| surface.winding != 0)
+    }
+
+    /// Moves the surfaces that may come near the way from `last` to `tip` to their places at the scene's time.
+    fn move_scene(&mut self, last: Option<Place>, tip: Place) {
+        let Some(time_s) = self.scene_time_s else { return };
+        let ends = [last.unwrap_or(tip), tip].map(|place| place.position_mm.as_vec3());
+        if let Some(way) = Bounds::of(ends) {
+            Arc::make_mut(&mut self.bvh).set_time_near(time_s, way.grown(MARGIN_MM));
+        }
     }
 
     /// Puts the tip at its first position, or at its first one after a gap.

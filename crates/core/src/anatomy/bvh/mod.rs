@@ -183,10 +183,23 @@ impl Bvh {
 
     /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
+        self.set_time_of(time_s, |_| u32::MAX);
+    }
+
+    /// Moves triangles to their positions at `time_s`, as far as they may come into a box of the scene without drift, mm.
+    /// Closed surfaces elsewhere may stay where they are, which leaves [windings](SegmentSearch::windings) about points of
+    /// the box, and hits within it, as they are at `time_s`.
+    pub fn set_time_near(&mut self, time_s: f64, near_mm: Bounds) {
+        self.set_time_of(time_s, |moving| moving.fields_near(near_mm));
+    }
+
+    /// Moves the triangles of some fields to their positions at `time_s`.
+    fn set_time_of(&mut self, time_s: f64, fields: impl FnOnce(&Moving) -> u32) {
         if let Some(moving) = &mut self.moving {
+            let fields = fields(moving);
             // Entering the thread pool once here spares each parallel loop below from entering it.
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
-            rayon::scope(|_| moving.set_time_s(time_s, self.centre_mm, nodes, triangles));
+            rayon::scope(|_| moving.set_time_s(time_s, fields, self.centre_mm, nodes, triangles));
         }
         self.set_drift(time_s);
     }

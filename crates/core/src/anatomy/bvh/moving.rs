@@ -44,6 +44,8 @@ pub(super) struct Tree {
     nodes: Range<usize>,
     pub(super) triangles: Range<usize>,
     vertices: Range<usize>,
+    /// Box of all positions that the triangles may have, scene frame, mm.
+    swept_mm: Bounds,
     /// Indices of the tree's nodes by level, the lowest first. Children of a node are in lower levels only.
     pub(super) levels: Vec<Vec<u32>>,
 }
@@ -54,6 +56,8 @@ pub(super) struct Moving {
     pub(super) motion: Motion,
     /// Current amounts of movement of each motion field.
     pub(super) amounts: Vec<[f32; 2]>,
+    /// Bit set of the fields whose triangles are not where `amounts` put them.
+    stale: u32,
     pub(super) trees: Vec<Tree>,
     pub(super) vertices: Vec<Vertex>,
     /// Indices in `vertices` of each moving triangle's corners, in leaf order.
@@ -108,6 +112,7 @@ pub(super) fn join(
     let mut moving = Moving {
         motion: scene.motion.clone(),
         amounts: vec![[0.0; 2]; scene.motion.fields.len()],
+        stale: 0,
         trees: Vec::new(),
         vertices: Vec::new(),
         corners: Vec::new(),
@@ -138,11 +143,13 @@ pub(super) fn join(
             moving.first_triangle = moving.first_triangle.min(triangles.start);
             let first_vertex = moving.vertices.len();
             moving.add_corners(scene, &order[triangles.clone()], centre_mm);
+            let at_rest = moving.vertices[first_vertex..].iter().fold(Bounds::EMPTY, |all, v| all.with(v.rest_mm));
             moving.trees.push(Tree {
                 fields: group.fields,
                 nodes: start as usize..nodes.len(),
                 triangles,
                 vertices: first_vertex..moving.vertices.len(),
+                swept_mm: at_rest.grown(scene.motion.reach_mm() as f32),
                 levels: levels(&nodes, 1 + i),
             });
         }
@@ -198,16 +205,32 @@ impl Moving {
         }
     }
 
-    /// Moves triangles and refits trees: see [`super::Bvh::set_time_s`].
+    /// Bit set of the fields that move triangles into a box, and of all fields that move a triangle together with them.
+    pub(super) fn fields_near(&self, near_mm: Bounds) -> u32 {
+        let fields = |chosen: &dyn Fn(&Tree) -> bool| {
+            self.trees.iter().filter(|tree| chosen(tree)).fold(0, |fields, tree| fields | tree.fields)
+        };
+        let mut near = fields(&|tree| tree.swept_mm.meets(near_mm));
+        loop {
+            let joined = near | fields(&|tree| tree.fields & near != 0);
+            if joined == near {
+                return near;
+            }
+            near = joined;
+        }
+    }
+
+    /// Moves the triangles of `fields` and refits their trees: see [`super::Bvh::set_time_near`].
     pub(super) fn set_time_s(
         &mut self,
         time_s: f64,
+        fields: u32,
         centre_mm: DVec3,
         nodes: &mut [[u32; 20]],
         triangles: &mut [PackedTriangle],
     ) {
         self.changed.clear();
-        let mut dirty = 0u32;
+        let mut dirty = self.stale;
         for (i, field) in self.motion.fields.iter().enumerate() {
             let amounts = field.amounts(time_s);
             if amounts != self.amounts[i] {
@@ -215,6 +238,8 @@ impl Moving {
                 dirty |= 1 << i;
             }
         }
+        self.stale = dirty & !fields;
+        dirty &= fields;
         let (motion, amounts) = (&self.motion, &self.amounts);
         for tree in self.trees.iter().filter(|tree| tree.fields & dirty != 0) {
             self.vertices[tree.vertices.clone()].par_iter_mut().with_min_len(TOGETHER).for_each(|vertex| {
@@ -264,7 +289,8 @@ mod tests {
 
     use super::*;
     use crate::anatomy::motion::{Field, Rhythm, Shape};
-    use crate::anatomy::{Bvh, TissueTable, analytic};
+    use crate::anatomy::{Bvh, SegmentSearch, TissueTable, analytic};
+    use crate::random::SplitMix64;
 
     fn ball(name: &'static str, centre: Vec3, radius: f32) -> analytic::Part {
         analytic::Part { name, tissue: "soft_tissue", priority: 0, mesh: analytic::sphere(centre, radius, 3) }
@@ -355,5 +381,28 @@ mod tests {
         }
         bvh.set_time_s(0.0);
         assert_eq!(bvh.triangles, first.triangles);
+    }
+    #[test]
+    fn a_tree_moved_near_a_point_has_the_windings_of_one_that_moved_whole() {
+        let mut scene = scene();
+        // Both fields move triangles of the arm.
+        scene.motion.fields[0].surfaces.push("skin".into());
+        let mut random = SplitMix64::new(8);
+        let (mut whole, mut near) = (Bvh::build(&scene).unwrap(), Bvh::build(&scene).unwrap());
+        let (mut search, mut resting) = (SegmentSearch::default(), 0);
+        for step in 0..400 {
+            let time_s = 0.031 * f64::from(step);
+            let point = DVec3::from_array([0; 3].map(|_| random.between(-25.0, 25.0)));
+            whole.set_time_s(time_s);
+            near.set_time_near(time_s, Bounds::around(point.as_vec3(), Vec3::splat(0.1)));
+            let expected = whole.windings(point, 3);
+            assert_eq!(search.windings(&near, point, 3), expected, "{point} at {time_s} s");
+            resting += usize::from(near.triangles != whole.triangles);
+        }
+        assert!(resting > 50, "{resting} of 400 times some triangles stayed");
+        near.set_time_s(7.7);
+        whole.set_time_s(7.7);
+        assert_eq!(near.triangles, whole.triangles);
+        assert_eq!(near.nodes, whole.nodes);
     }
 }
