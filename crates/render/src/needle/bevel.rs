@@ -56,9 +56,9 @@ impl NeedleTables {
     fn covered(&self, centre: [f64; 2], half: [f64; 2], depth_mm: f64) -> f64 {
         let step = |half: f64| 2.0 * half / f64::from(POSITIONS);
         let at = |i: u32, axis: usize| centre[axis] - half[axis] + (f64::from(i) + 0.5) * step(half[axis]);
-        let amplitude = self.beam.amplitudes(depth_mm);
+        let (amplitude, field) = (self.beam.amplitudes(depth_mm), self.slice.fields(depth_mm));
         let along: f64 = (0..POSITIONS).map(|i| amplitude(at(i, 0))).sum();
-        let across = (0..POSITIONS).map(|i| self.slice.field(depth_mm, at(i, 1))).sum::<glam::DVec2>().length();
+        let across = (0..POSITIONS).map(|i| field(at(i, 1))).sum::<glam::DVec2>().length();
         along * step(half[0]) * across * step(half[1])
     }
 }

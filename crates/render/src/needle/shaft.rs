@@ -121,10 +121,10 @@ impl NeedleTables {
         let across_mm = (to - from) * line.direction.truncate().length();
         let steps = (across_mm / STEP_MM).ceil().clamp(12.0, 160.0);
         let step = (to - from) / steps;
-        let amplitude = self.beam.amplitudes(depth_mm);
+        let (amplitude, field) = (self.beam.amplitudes(depth_mm), self.slice.fields(depth_mm));
         let at = |i: u32| {
             let point = line.at(from + (f64::from(i) + 0.5) * step);
-            amplitude(point.x) * self.slice.field(depth_mm, point.y)
+            amplitude(point.x) * field(point.y)
         };
         (0..steps as u32).map(at).sum::<glam::DVec2>().length() * step
     }
@@ -145,8 +145,8 @@ impl NeedleTables {
             if point.x.abs() > self.beam.reach_mm(point.z) {
                 continue;
             }
-            let field = self.beam.amplitudes(point.z)(point.x) * self.slice.field(point.z, point.y).length();
-            let amplitude = self.diffuse * self.strength_mm * field * (spacing_mm / self.beam.power(point.z)).sqrt();
+            let seen = self.beam.amplitude_over_power(point.z, point.x) * self.slice.level(point.z, point.y);
+            let amplitude = self.diffuse * self.strength_mm * seen * spacing_mm.sqrt();
             if amplitude > LEAST {
                 into.push(NeedleEcho {
                     depth_mm: point.z as f32,

@@ -36,6 +36,8 @@ struct AtDepth {
     step_mm: f64,
     /// Two-way field at each offset, 1/mm. Its integral over all offsets is 1.
     field: Vec<DVec2>,
+    /// Magnitude of the field at each offset, 1/mm.
+    level: Vec<f64>,
     /// Share of |field| between the image plane and each offset, on one side: 0 to 0.5. Without harmonics |field| is the
     /// intensity of the transmitted beam.
     share: Vec<f64>,
@@ -117,13 +119,24 @@ impl Slice {
         ([&self.depths[low], &self.depths[low + 1]], place - low as f64)
     }
 
-    /// Two-way field of a line at an offset from the image plane, 1/mm; 0 beyond the tables. Fields of neighbouring
-    /// depths are mixed by magnitude, because their phases turn.
-    pub(super) fn field(&self, depth_mm: f64, offset_mm: f64) -> DVec2 {
+    /// Two-way field of a line at a depth, by the offset from the image plane, 1/mm; 0 beyond the tables. Fields of
+    /// neighbouring depths are mixed by magnitude, because their phases turn.
+    pub(super) fn fields(&self, depth_mm: f64) -> impl Fn(f64) -> DVec2 {
         let (depths, deeper) = self.around(depth_mm);
-        let [a, b] = depths.map(|at| at.field_at(offset_mm));
-        let nearer = if deeper < 0.5 { a } else { b };
-        nearer.normalize_or_zero() * (a.length() + (b.length() - a.length()) * deeper)
+        let (nearer, farther, share) =
+            if deeper < 0.5 { (depths[0], depths[1], deeper) } else { (depths[1], depths[0], 1.0 - deeper) };
+        move |offset_mm| {
+            let (field, level) = (nearer.field_at(offset_mm), farther.level_at(offset_mm));
+            let own = field.length();
+            if own > 0.0 { field * ((1.0 - share) + share * level / own) } else { DVec2::ZERO }
+        }
+    }
+
+    /// Magnitude of the [field](Self::fields) at a depth and an offset from the image plane, 1/mm.
+    pub(super) fn level(&self, depth_mm: f64, offset_mm: f64) -> f64 {
+        let (depths, deeper) = self.around(depth_mm);
+        let [a, b] = depths.map(|at| at.level_at(offset_mm));
+        a + (b - a) * deeper
     }
 
     /// Share of |field| between two offsets from the image plane.
@@ -164,6 +177,16 @@ impl AtDepth {
         }
     }
 
+    /// Magnitude of the field at an offset, 1/mm; 0 beyond the table.
+    fn level_at(&self, offset_mm: f64) -> f64 {
+        let place = offset_mm.abs() / self.step_mm;
+        let low = place as usize;
+        match self.level.get(low + 1) {
+            Some(next) => self.level[low] + (next - self.level[low]) * place.fract(),
+            None => 0.0,
+        }
+    }
+
     /// Share between the image plane and a positive offset, mm.
     fn share_at(&self, offset_mm: f64) -> f64 {
         let place = (offset_mm / self.step_mm).min((OFFSETS - 1) as f64 - 1e-9);
@@ -201,6 +224,7 @@ impl AtDepth {
         Self {
             step_mm,
             field: two_way.iter().map(|&field| scale * field).collect(),
+            level: two_way.iter().map(|field| scale * power(field)).collect(),
             share,
             sigma_mm: (last as f64 + 0.5) * step_mm / (2.0 * std::f64::consts::LN_2).sqrt(),
         }
@@ -243,7 +267,7 @@ mod tests {
         for depth_mm in [20.0, 40.0, 70.0, 120.0] {
             let steps = 4000;
             let y_mm = |i: i32| (f64::from(i) / f64::from(steps) - 0.5) * 2.0 * slice.reach_mm();
-            let plate: DVec2 = (0..=steps).map(|i| slice.field(depth_mm, y_mm(i))).sum();
+            let plate: DVec2 = (0..=steps).map(|i| slice.fields(depth_mm)(y_mm(i))).sum();
             let echo = plate.length() * 2.0 * slice.reach_mm() / f64::from(steps);
             assert!((echo - 1.0).abs() < 0.05, "{echo} at {depth_mm} mm");
             assert!((slice.share(depth_mm, [-1e3, 1e3]) - 1.0).abs() < 1e-3);
