@@ -1,8 +1,8 @@
 //! Tests of mirrors, critical angles, and the choice of the medium where surfaces overlap.
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DQuat, DVec2, DVec3, Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
-use insonify::anatomy::{Scene, analytic};
+use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::render::{Choice, Effect};
 
 use super::bench::{Bench, Rig, assert_part, at, grainy, linear, magnitude, mean_square, silent, slab, small};
@@ -256,4 +256,37 @@ fn behind_a_tilted_mirror_the_level_is_that_behind_a_flat_one() {
             assert!((tilted_db - flat_db).abs() <= 1.5, "{name}: flat {flat:.2?}, tilted {tilted:.2?} dB");
         }
     }
+}
+
+#[test]
+fn behind_gas_speckle_is_as_wide_with_the_aperture_as_without() {
+    // Rough gas, so that some scanlines' paths leave the image, and show nothing.
+    let correlation = |aperture: Choice| {
+        let mut bench = Bench::new(grainy(0.0, 0.01));
+        let gas = bench.tissue(Tissue { roughness: 0.4, ..silent(343.0, 0.0004) });
+        let turned = Quat::from_rotation_y(20f32.to_radians());
+        let foot = Vec3::new(0.0, 0.0, 30.0) + turned * (30.0 * Vec3::Z);
+        bench.add(gas, 1, analytic::plate(foot, Vec3::new(100.0, 60.0, 60.0), turned));
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(Effect::Aperture, aperture);
+        let mut rig = Rig::new(&bench.scene().unwrap(), &linear(192, 0.2, 2048, 120.0), &settings);
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        let sample = |mm: f64| (mm / rig.probe.sample_spacing_mm()) as usize;
+        let of_line = |line: u32| {
+            let values = &rig.line(&frame, line)[sample(50.0)..sample(90.0)];
+            values.iter().map(|&[re, im]| DVec2::new(re.into(), im.into())).collect::<Vec<_>>()
+        };
+        // Correlation of scanlines 0.6 mm apart.
+        let (mut shared, mut power) = (DVec2::ZERO, 0.0);
+        for line in 40..150 {
+            for (a, b) in of_line(line).into_iter().zip(of_line(line + 3)) {
+                shared += a.rotate(DVec2::new(b.x, -b.y));
+                power += 0.5 * (a.length_squared() + b.length_squared());
+            }
+        }
+        shared.length() / power
+    };
+    let (straight, aperture) = (correlation(Choice::Off), correlation(Choice::On));
+    println!("without the aperture {straight:.3}, with it {aperture:.3}");
+    assert!(straight > 0.2 && (aperture - straight).abs() < 0.1, "{straight:.3} without, {aperture:.3} with");
 }
