@@ -6,7 +6,7 @@ use super::point_times::Times;
 use super::pose_error::{PoseError, classes, rmse, summary};
 use super::reference::Reference;
 use super::timing::{elapsed_ms, timed};
-use super::{Knobs, MeasuringError, Planned, Point};
+use super::{Knobs, MeasuringError, Planned, Point, timed_needle};
 use crate::anatomy::Scene;
 use crate::generator::{Channel, Generator, Input, load_generators};
 use crate::pose::Pose;
@@ -145,6 +145,7 @@ impl Harness {
 
     pub(super) fn render(&mut self, pose: &Pose) -> Result<&Frame, MeasuringError> {
         self.renderer.set_image(true);
+        self.renderer.set_needle(timed_needle(&self.settings, &self.probe, pose));
         self.renderer.render(pose, &mut self.frame)?;
         Ok(&self.frame)
     }
@@ -157,7 +158,8 @@ impl Harness {
     ) -> Result<(), MeasuringError> {
         self.renderer.set_image(true);
         let seed = self.renderer.settings().quality.seed;
-        let jobs = poses.iter().map(|&pose| Job { pose, time_s: 0.0, seed, needle: None });
+        let needle = |pose: &Pose| timed_needle(&self.settings, &self.probe, pose);
+        let jobs = poses.iter().map(|&pose| Job { pose, time_s: 0.0, seed, needle: needle(&pose) });
         self.renderer.render_many(jobs, |_, frame| each(frame))
     }
 
@@ -284,6 +286,7 @@ impl Harness {
         let needed =
             generator.and_then(|index| self.generators.get(index)).is_none_or(|g| g.manifest().takes(Channel::Image));
         self.renderer.set_image(needed);
+        self.renderer.set_needle(timed_needle(&self.settings, &self.probe, &track.at));
         if rolling {
             self.roll(track)?;
         } else {
@@ -305,5 +308,42 @@ impl Harness {
         let skipped = track.before.len().saturating_sub(angles - 1);
         let poses = track.before[skipped..].iter().chain([&track.at]);
         Ok(self.renderer.render_live(poses.map(|&pose| (0.0, pose)), &mut self.frame)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::render::{Backend, BackendChoice};
+
+    #[test]
+    fn frames_hold_the_needle_of_the_station() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/needle_cyst.toml");
+        let station = Station::load(&path).unwrap();
+        let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
+        let backend = Backend::open(BackendChoice::Host).unwrap();
+        let pixels = |needle| {
+            let station = Station { settings: RenderSettings { needle, ..station.settings }, ..station.clone() };
+            let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings).unwrap();
+            let mut harness = Harness::new(renderer, &station, &scene).unwrap();
+            let mut frames = vec![harness.render(&Pose::IDENTITY).unwrap().segmentation.clone()];
+            let keep = |frame: &Frame| {
+                frames.push(frame.segmentation.clone());
+                Ok(())
+            };
+            harness.render_many(&[Pose::IDENTITY], keep).unwrap();
+            let track = Track { at: Pose::IDENTITY, before: vec![Pose::IDENTITY; 2] };
+            harness.shown(&track, None, true, &mut Vec::new()).unwrap();
+            frames.push(harness.frame.segmentation);
+            let number = scene.tissues.names().iter().position(|name| name == "needle").map(|at| at as u8 + 1);
+            frames
+                .iter()
+                .map(|frame| frame.iter().filter(|&&tissue| Some(tissue) == number).count())
+                .collect::<Vec<_>>()
+        };
+        assert!(pixels(station.settings.needle).iter().all(|&count| count > 100));
+        assert_eq!(pixels(None), [0; 3]);
     }
 }

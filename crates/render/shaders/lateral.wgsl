@@ -5,8 +5,9 @@
 // wider off its normal. A kernel may reach beyond the array. With an aperture, it meets the mirror image of what is
 // within, a quarter of a cycle later. Without one, the weights within are scaled to the sum of all.
 //
-// Each scanline sees its neighbours' scatterers with the gain of its own aperture. It sees their echoes that came by
-// reflections with the kernel, by the share of these echoes in the neighbour's power. Of both weights the greater counts.
+// Each scanline sees its neighbours' scatterers with the gain of its own aperture. It receives their echoes of
+// reflected paths with the kernel's weight, times reflected power over the greater of reflected and aperture power.
+// The greater of this weight and the weight by the gain applies.
 //
 // The wavefront of a steered frame is across its scanlines, so a neighbour's samples lie deeper or higher.
 
@@ -32,7 +33,7 @@ const SHARING: u32 = DEPTH_BLOCK / 4u;
 const BLOCKS: u32 = THREADS / SHARING;
 const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 
-// Weight of each tap, with the gain of the scanline over its neighbour's [taps × blocks].
+// Weight of each tap; after `receive` with gains and reflected echoes [taps × blocks].
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
 // Phase of each neighbour's wavefront; used only in steered frames.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
@@ -107,7 +108,6 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var part = 0.0;
     var near = 0u;
     var far = 0u;
-    var own = 1.0;
     let projection = projection_of(line);
     var reach = u32(kernel_spans[block].x);
     if projection < 1.0 {
@@ -117,7 +117,6 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var limit = params.lateral_half + reach + 1u;
     if APERTURE {
         let gain = block_gains[line * blocks + block];
-        own = gain.x;
         let position = clamp(gain.y, 0.0, f32(aperture.planes - 1u));
         let low = min(u32(position), max(aperture.planes, 2u) - 2u);
         part = position - f32(low);
@@ -145,18 +144,29 @@ fn weigh(thread: u32, line: u32, block: u32) {
         if weight > 0.0 || (APERTURE && kernel > 0.0) {
             first = min(first, at);
             end = at + 1u;
-            if APERTURE {
-                let gain = block_gains[source * blocks + block].x;
-                let by_reflections = reflected_of(source, block, gain);
-                let carried = max(gain, by_reflections);
-                let share = by_reflections / carried;
-                weight = max(weight * min(own / carried, NEIGHBOUR_GAIN_MAX), kernel * (share * share));
-            }
         }
         weights[at * BLOCKS + thread / SHARING] = weight;
     }
     sums[thread] = sum;
     ends[thread] = vec2<u32>(first, end);
+}
+
+// Applies gains and reflected echoes to the weights that a thread computed. Reflected echoes keep the power of the
+// kernel: `of_kernel` is their scale over that of the other echoes.
+fn receive(thread: u32, line: u32, block: u32, of_kernel: f32) {
+    let blocks = params.row_samples >> BLOCK_SHIFT;
+    let own = block_gains[line * blocks + block].x;
+    let projection = projection_of(line);
+    for (var at = ends[thread].x; at < ends[thread].y; at += SHARING) {
+        let source = mirrored(i32(line) + i32(at) - i32(params.lateral_half));
+        let gain = block_gains[source * blocks + block].x;
+        let by_reflections = reflected_of(source, block, gain);
+        let carried = max(gain, by_reflections);
+        let ratio = (by_reflections / carried) * (by_reflections / carried);
+        let slot = at * BLOCKS + thread / SHARING;
+        let by_gain = weights[slot] * min(own / carried, NEIGHBOUR_GAIN_MAX);
+        weights[slot] = max(by_gain, kernel_at(block, at, projection) * of_kernel * ratio);
+    }
 }
 
 @compute @workgroup_size(64)
@@ -176,9 +186,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         }
     }
     workgroupBarrier();
-    if !inside {
-        return;
-    }
     var sum = vec4<f32>(0.0);
     var begin = TAPS_MAX;
     var to = 0u;
@@ -186,6 +193,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         sum += sums[other];
         begin = min(begin, ends[other].x);
         to = max(to, ends[other].y);
+    }
+    let power = sum.x;
+    let total = sum.y;
+    let kernel_power = kernel_spans[block].y;
+    let width = select(sqrt(sum.z / kernel_power), 1.0, projection_of(line) == 1.0);
+    // A widened kernel scaled to a sum of 1 would make speckle darker.
+    let level = select(width / sum.w, 1.0, projection_of(line) == 1.0);
+    let scale = select(1.0 / max(total * level, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
+    if APERTURE {
+        if inside {
+            receive(thread, line, block, 1.0 / (scale * width));
+        }
+        workgroupBarrier();
+    }
+    if !inside {
+        return;
     }
     var a = vec4<f32>(0.0);
     var b = vec4<f32>(0.0);
@@ -206,12 +229,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
             b += weight * quarter_later(baseband[pair + 1u], beyond);
         }
     }
-    let power = sum.x;
-    let total = sum.y;
-    let kernel_power = kernel_spans[block].y;
-    // A widened kernel scaled to a sum of 1 would make speckle darker.
-    let level = select(sqrt(sum.z / kernel_power) / sum.w, 1.0, projection_of(line) == 1.0);
-    let scale = select(1.0 / max(total * level, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
     let out = (line * params.row_samples + first) >> 1u;
     focused[out] = a * scale;
     focused[out + 1u] = b * scale;

@@ -259,9 +259,10 @@ fn behind_a_tilted_mirror_the_level_is_that_behind_a_flat_one() {
 }
 
 #[test]
-fn behind_gas_speckle_is_as_wide_with_the_aperture_as_without() {
-    // Rough gas, so that some scanlines' paths leave the image, and show nothing.
-    let correlation = |aperture: Choice| {
+fn behind_gas_speckle_is_as_wide_and_as_bright_with_the_aperture_as_without() {
+    // Correlation of scanlines 0.6 mm apart, and mean power, dB.
+    let speckle = |aperture: Choice| {
+        // Rough gas sends the paths of some scanlines out of the image. These scanlines have no echoes of their own.
         let mut bench = Bench::new(grainy(0.0, 0.01));
         let gas = bench.tissue(Tissue { roughness: 0.4, ..silent(343.0, 0.0004) });
         let turned = Quat::from_rotation_y(20f32.to_radians());
@@ -276,17 +277,18 @@ fn behind_gas_speckle_is_as_wide_with_the_aperture_as_without() {
             let values = &rig.line(&frame, line)[sample(50.0)..sample(90.0)];
             values.iter().map(|&[re, im]| DVec2::new(re.into(), im.into())).collect::<Vec<_>>()
         };
-        // Correlation of scanlines 0.6 mm apart.
-        let (mut shared, mut power) = (DVec2::ZERO, 0.0);
+        let (mut shared, mut power, mut count) = (DVec2::ZERO, 0.0, 0);
         for line in 40..150 {
             for (a, b) in of_line(line).into_iter().zip(of_line(line + 3)) {
                 shared += a.rotate(DVec2::new(b.x, -b.y));
                 power += 0.5 * (a.length_squared() + b.length_squared());
+                count += 1;
             }
         }
-        shared.length() / power
+        (shared.length() / power, 10.0 * (power / f64::from(count)).log10())
     };
-    let (straight, aperture) = (correlation(Choice::Off), correlation(Choice::On));
-    println!("without the aperture {straight:.3}, with it {aperture:.3}");
+    let [(straight, straight_db), (aperture, aperture_db)] = [Choice::Off, Choice::On].map(speckle);
+    println!("without the aperture {straight:.3}, {straight_db:.2} dB; with it {aperture:.3}, {aperture_db:.2} dB");
     assert!(straight > 0.2 && (aperture - straight).abs() < 0.1, "{straight:.3} without, {aperture:.3} with");
+    assert!((aperture_db - straight_db).abs() < 1.5, "{straight_db:.2} dB without, {aperture_db:.2} dB with");
 }

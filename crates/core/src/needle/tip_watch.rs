@@ -28,7 +28,7 @@ const TOUCH_MM: f64 = 1e-3;
 /// exactly on a surface is on one side of it, always the same.
 const OFFSET_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
-/// Width by which the box of a step is enlarged, mm. It exceeds the rounding of positions to f32.
+/// Margin of the box around a step, mm. It exceeds the rounding of positions to f32.
 const MARGIN_MM: f32 = 0.1;
 
 /// Kind of an event.
@@ -87,7 +87,7 @@ pub struct TipWatch {
     bvh: Arc<Bvh>,
     surfaces: Vec<Watched>,
     last: Option<Place>,
-    /// Time of the scene of the next position, s; `None` before the first one.
+    /// Scene time of the next position, s; `None` for scenes without motion, and before the first time is set.
     scene_time_s: Option<f64>,
     search: SegmentSearch,
 }
@@ -112,8 +112,8 @@ impl TipWatch {
         }
     }
 
-    /// Sets the time of a scene with motion for the next position. A surface that moves over the tip is entered or left in
-    /// the next step.
+    /// Sets the scene time of the next position. Surfaces, which must be closed, move in [`TipWatch::advance`]. If one moves
+    /// over the tip, it is entered or left in that step.
     pub fn set_scene_time_s(&mut self, time_s: f64) {
         if self.bvh.moves() {
             Arc::make_mut(&mut self.bvh).set_drift(time_s);
@@ -168,7 +168,7 @@ impl TipWatch {
         self.last.is_some() && self.surfaces.get(surface).is_some_and(|surface| surface.winding != 0)
     }
 
-    /// Moves the surfaces that may come near the way from `last` to `tip` to their places at the scene's time.
+    /// Moves the surfaces near the step from `last` to `tip` to the scene time.
     fn move_scene(&mut self, last: Option<Place>, tip: Place) {
         let Some(time_s) = self.scene_time_s else { return };
         let ends = [last.unwrap_or(tip), tip].map(|place| place.position_mm.as_vec3());

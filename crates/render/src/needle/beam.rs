@@ -24,8 +24,8 @@ pub(super) struct ScanlineBeam {
 struct AtDepth {
     /// Integral of the two-way amplitude over all offsets, mm.
     area_mm: f64,
-    /// One over the root of the integral of the squared two-way amplitude, mm^-½.
-    over_power: f64,
+    /// Inverse of the L2 norm of the two-way amplitude, mm^-½.
+    inverse_norm: f64,
     /// Standard deviation of the Gaussian that has the −6 dB width, mm.
     sigma_mm: f64,
     /// Offset beyond which the beam is cut, mm.
@@ -48,7 +48,7 @@ impl ScanlineBeam {
             let (area, power) = levels.fold((0.0, 0.0), |(area, power), level| (area + level, power + level * level));
             AtDepth {
                 area_mm: (2.0 * area * step_mm).max(1e-6),
-                over_power: 1.0 / (2.0 * power * step_mm).max(1e-6).sqrt(),
+                inverse_norm: 1.0 / (2.0 * power * step_mm).max(1e-6).sqrt(),
                 sigma_mm: (profile.half_width_mm() / (2.0 * std::f64::consts::LN_2).sqrt()).max(1e-3),
                 reach_mm,
                 overlap: Overlap::new(probe, [probe.aperture_mm, receive_mm(depth_mm)]),
@@ -71,9 +71,9 @@ impl ScanlineBeam {
         move |offset_mm| profile.amplitude(offset_mm) / area_mm
     }
 
-    /// Two-way amplitude at a depth and an offset from the scanline, over the root of the integral of its square, mm^-½.
-    pub(super) fn amplitude_over_power(&self, depth_mm: f64, offset_mm: f64) -> f64 {
-        self.beam.at(depth_mm).amplitude(offset_mm) * self.between(depth_mm, |at| at.over_power)
+    /// Two-way amplitude at a depth and an offset from the scanline, divided by its L2 norm, mm^-½.
+    pub(super) fn normalised_amplitude(&self, depth_mm: f64, offset_mm: f64) -> f64 {
+        self.beam.at(depth_mm).amplitude(offset_mm) * self.between(depth_mm, |at| at.inverse_norm)
     }
 
     /// Standard deviation of the amplitude, mm.

@@ -145,7 +145,7 @@ impl NeedleTables {
             if point.x.abs() > self.beam.reach_mm(point.z) {
                 continue;
             }
-            let seen = self.beam.amplitude_over_power(point.z, point.x) * self.slice.level(point.z, point.y);
+            let seen = self.beam.normalised_amplitude(point.z, point.x) * self.slice.level(point.z, point.y);
             let amplitude = self.diffuse * self.strength_mm * seen * spacing_mm.sqrt();
             if amplitude > LEAST {
                 into.push(NeedleEcho {

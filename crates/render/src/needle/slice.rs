@@ -119,16 +119,14 @@ impl Slice {
         ([&self.depths[low], &self.depths[low + 1]], place - low as f64)
     }
 
-    /// Two-way field of a line at a depth, by the offset from the image plane, 1/mm; 0 beyond the tables. Fields of
-    /// neighbouring depths are mixed by magnitude, because their phases turn.
+    /// Two-way field at a depth as a function of the offset from the image plane, 1/mm; 0 beyond the tables. Between
+    /// depths, magnitudes are interpolated, and the phase is that of the nearer depth.
     pub(super) fn fields(&self, depth_mm: f64) -> impl Fn(f64) -> DVec2 {
-        let (depths, deeper) = self.around(depth_mm);
-        let (nearer, farther, share) =
-            if deeper < 0.5 { (depths[0], depths[1], deeper) } else { (depths[1], depths[0], 1.0 - deeper) };
+        let ([above, below], deeper) = self.around(depth_mm);
+        let nearer = if deeper < 0.5 { above } else { below };
         move |offset_mm| {
-            let (field, level) = (nearer.field_at(offset_mm), farther.level_at(offset_mm));
-            let own = field.length();
-            if own > 0.0 { field * ((1.0 - share) + share * level / own) } else { DVec2::ZERO }
+            let [a, b] = [above, below].map(|at| at.level_at(offset_mm));
+            nearer.field_at(offset_mm).normalize_or_zero() * (a + (b - a) * deeper)
         }
     }
 
@@ -271,6 +269,16 @@ mod tests {
             let echo = plate.length() * 2.0 * slice.reach_mm() / f64::from(steps);
             assert!((echo - 1.0).abs() < 0.05, "{echo} at {depth_mm} mm");
             assert!((slice.share(depth_mm, [-1e3, 1e3]) - 1.0).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn fields_have_the_tabulated_magnitudes() {
+        let slice = Slice::new(&Probe { frequency_mhz: 8.0, ..Probe::default() });
+        for i in 0..200 {
+            let (depth_mm, offset_mm) = (5.0 + 0.61 * f64::from(i), 0.031 * f64::from(i % 97));
+            let (field, level) = (slice.fields(depth_mm)(offset_mm).length(), slice.level(depth_mm, offset_mm));
+            assert!((field - level).abs() < 1e-12 * slice.level(depth_mm, 0.0).max(level), "{field} {level}");
         }
     }
 

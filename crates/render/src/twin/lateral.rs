@@ -13,8 +13,9 @@ use crate::constants::NEIGHBOUR_GAIN_MAX;
 /// Beyond the array's ends, a beam with an aperture receives a mirror image of the tissue inside, a quarter of a cycle
 /// later. Without the aperture, the weights inside are scaled to the sum of all.
 ///
-/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. It sees their echoes of reflected
-/// paths with the kernel, by the share of these echoes in the neighbour's power. Of both weights the greater one counts.
+/// Each scanline sees its neighbours' scatterers with the gain of its own aperture. It receives their echoes of reflected
+/// paths with the kernel's weight, times reflected power over the greater of reflected and aperture power. The greater
+/// of this weight and the weight by the gain applies.
 ///
 /// `gains` and `reflected` are [scanlines × blocks], `profiles` [planes × scanlines]; all are empty without the
 /// aperture.
@@ -51,18 +52,21 @@ pub fn lateral(
             let first = block * inputs.depth_block;
             for sample in first..(first + inputs.depth_block).min(inputs.samples) {
                 let at = |line: usize| line * inputs.blocks() + block;
-                let seen = |weight: f64, kernel: f64, other: usize| {
+                let received = |weight: f64, kernel: f64, other: usize| {
                     let (reflected, carried) = (by_reflections(other), gains[other].gain.max(by_reflections(other)));
                     let by_gain = weight * (gains[at(line)].gain / carried).min(NEIGHBOUR_GAIN_MAX);
-                    by_gain.max(kernel * (reflected / carried).powi(2))
+                    // Reflected echoes keep the power of the kernel.
+                    let kernel = kernel * (unwidened_power / whole).sqrt();
+                    (scale * by_gain).max(kernel * (reflected / carried).powi(2))
                 };
                 let echo_of = |&(tap, weight): &(usize, f64)| {
                     let other = within(tap).unwrap_or_else(|| mirrored(line + tap, half, inputs.scanlines));
-                    let weight = if gains.is_empty() { weight } else { seen(weight, kernel[tap], at(other)) };
+                    let weight =
+                        if gains.is_empty() { scale * weight } else { received(weight, kernel[tap], at(other)) };
                     let echo = steered(inputs, baseband, other, sample, tap as f64 - half as f64);
                     weight * if within(tap).is_some() { echo } else { echo.perp() }
                 };
-                focused.push(scale * taps.iter().map(echo_of).sum::<DVec2>());
+                focused.push(taps.iter().map(echo_of).sum::<DVec2>());
             }
         }
     }

@@ -141,7 +141,7 @@ impl Bvh {
             centre_mm,
             nodes: Vec::new(),
             triangles: packed.collect(),
-            radius_mm: 0.5 * (high - low).length() + scene.motion.reach_mm(),
+            radius_mm: 0.5 * (high - low).length() + scene.motion.reach_mm(u32::MAX),
             moving: None,
             drift: scene.motion.drift,
             drift_mm: DVec3::ZERO,
@@ -186,20 +186,21 @@ impl Bvh {
         self.set_time_of(time_s, |_| u32::MAX);
     }
 
-    /// Moves triangles to their positions at `time_s`, as far as they may come into a box of the scene without drift, mm.
-    /// Closed surfaces elsewhere may stay where they are, which leaves [windings](SegmentSearch::windings) about points of
-    /// the box, and hits within it, as they are at `time_s`.
+    /// Moves the surfaces that can move into a box to their positions at `time_s`. The box is in the scene without drift, mm.
+    /// Other surfaces may keep older positions. If they are closed, [windings](SegmentSearch::windings) about points in the
+    /// box and hits in the box are exact. [`Bvh::moved`], [`Bvh::displacements`] and searches elsewhere then mix several
+    /// times.
     pub fn set_time_near(&mut self, time_s: f64, near_mm: Bounds) {
-        self.set_time_of(time_s, |moving| moving.fields_near(near_mm));
+        self.set_time_of(time_s, |moving| moving.trees_near(near_mm));
     }
 
-    /// Moves the triangles of some fields to their positions at `time_s`.
-    fn set_time_of(&mut self, time_s: f64, fields: impl FnOnce(&Moving) -> u32) {
+    /// Moves the triangles of the chosen trees to their positions at `time_s`.
+    fn set_time_of(&mut self, time_s: f64, trees: impl FnOnce(&Moving) -> u32) {
         if let Some(moving) = &mut self.moving {
-            let fields = fields(moving);
+            let trees = trees(moving);
             // Entering the thread pool once here spares each parallel loop below from entering it.
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
-            rayon::scope(|_| moving.set_time_s(time_s, fields, self.centre_mm, nodes, triangles));
+            rayon::scope(|_| moving.set_time_s(time_s, trees, self.centre_mm, nodes, triangles));
         }
         self.set_drift(time_s);
     }

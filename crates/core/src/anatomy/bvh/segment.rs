@@ -50,8 +50,8 @@ pub struct SegmentSearch {
 
 impl SegmentSearch {
     /// All hits of the segment from `start_mm` along the unit `direction`, at distances from `near_mm` to `far_mm`, in
-    /// order of distance. Triangles are where the last [`Bvh::set_time_s`] put them, without the drift. A hit on the
-    /// common edge of two triangles may be listed twice.
+    /// order of distance. Triangles are where [`Bvh::set_time_s`] or [`Bvh::set_time_near`] put them last, without the
+    /// drift. A hit on the common edge of two triangles may be listed twice.
     pub fn hits(&mut self, bvh: &Bvh, start_mm: DVec3, direction: DVec3, near_mm: f64, far_mm: f64) -> &[SegmentHit] {
         let Self { open, hits, .. } = self;
         let start_mm = start_mm - bvh.centre_mm;

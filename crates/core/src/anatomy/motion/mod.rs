@@ -139,9 +139,10 @@ impl Motion {
             .fold(0, |fields, (i, _)| fields | 1 << i)
     }
 
-    /// Upper bound of the displacement of any point, mm.
-    pub(super) fn reach_mm(&self) -> f64 {
-        self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
+    /// Upper bound of the displacement of any point by the fields in a bit set, mm.
+    pub(super) fn reach_mm(&self, fields: u32) -> f64 {
+        let chosen = self.fields.iter().enumerate().filter(|(i, _)| fields & 1 << i != 0);
+        chosen.map(|(_, field)| f64::from(field.shape.reach_mm())).sum()
     }
 
     /// Current position of the point with the rest position `p`, moved by the fields in the bit set `mask`.

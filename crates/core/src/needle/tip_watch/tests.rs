@@ -139,6 +139,44 @@ fn a_surface_that_moves_over_the_resting_tip_has_events() {
     assert!(found.iter().all(|event| event.position_mm.distance(at(8.7)) < 0.01));
 }
 
+#[test]
+fn a_tip_between_moving_surfaces_meets_each_where_it_is() {
+    let mut scene = scene(vec![("heart", 1, ball(0.0, 9.0)), ("other", 1, ball(60.0, 9.0))]);
+    let beat = |name: &str, x: f32| Field {
+        name: name.into(),
+        surfaces: vec![name.into()],
+        shape: Shape::Beat {
+            centre_mm: Vec3::new(x, 0.0, 0.0),
+            axis: Vec3::Z,
+            radius_mm: 9.0,
+            squeeze: 0.3,
+            shorten: 0.0,
+        },
+        rhythm: Rhythm::Heart { beats_per_min: 60.0 },
+    };
+    scene.motion.fields = vec![beat("heart", 0.0), beat("other", 60.0)];
+    let mut watch = TipWatch::new(&scene).unwrap();
+    let mut found = Vec::new();
+    // To the other ball and back. Both contract once a second.
+    for i in 0..=80 {
+        let time_s = 0.05 * f64::from(i);
+        let x = 60.0 * (1.0 - (time_s / 2.0 - 1.0).abs());
+        watch.set_scene_time_s(time_s);
+        for event in watch.advance(time_s, at(x)) {
+            let centre_x = if event.surface == 0 { 0.0 } else { 60.0 };
+            let field = &scene.motion.fields[event.surface];
+            let border =
+                field.shape.moved(Vec3::new(centre_x + 9.0, 0.0, 0.0), field.rhythm.at(time_s).map(|a| a as f32));
+            let (radius_mm, from_centre_mm) =
+                (f64::from(border.x - centre_x), event.position_mm.distance(at(centre_x.into())));
+            assert!((from_centre_mm - radius_mm).abs() < 1.0, "{event:?}: {radius_mm} mm at {time_s} s");
+            found.push(event);
+        }
+    }
+    let kinds: Vec<_> = found.iter().map(|event| (event.surface, event.kind)).collect();
+    assert_eq!(kinds, [(0, Left), (1, Entered), (1, Left), (0, ReEntered)], "{found:?}");
+}
+
 fn overlapping() -> Scene {
     scene(vec![
         ("block", 1, block([-12.0, -9.0, -7.0], [12.0, 9.0, 7.0])),

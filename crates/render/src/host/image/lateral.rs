@@ -49,11 +49,12 @@ pub(in crate::host) struct LateralBeam<'a> {
 /// Beyond the array's ends, a beam with an aperture receives a mirror image of the tissue inside, a quarter of a cycle
 /// later. So the powers of tissue and image add. Without the aperture, the weights inside are scaled to the sum of all.
 ///
-/// Obstacles of the scan plane don't hide echoes of reflected paths. So a scanline sees these echoes of its neighbours
-/// with the kernel, by their share in the neighbour's power. Of both weights the greater one counts.
+/// Obstacles of the scan plane don't hide echoes of reflected paths. A scanline receives these echoes with the kernel's
+/// weight, times the reflected ratio of the neighbour. The greater of this weight and the weight by the gain applies.
 ///
-/// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes: first the greater of the
-/// aperture's gain and the reflected amplitude, then the share of reflected echoes in the power.
+/// `amplitudes` [blocks × 2 × scanlines] receives two factors of each scanline's echoes. The first is the greater of the
+/// aperture's gain and the reflected amplitude. The second is the reflected ratio: reflected power over the greater of
+/// both powers.
 pub(in crate::host) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
@@ -65,12 +66,12 @@ pub(in crate::host) fn lateral(
     let blocks = row_samples / DEPTH_BLOCK as usize;
     let rows = amplitudes.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
     rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
-        let (carried, shares) = row.split_at_mut(params.scanlines as usize);
+        let (carried, ratios) = row.split_at_mut(params.scanlines as usize);
         let lines = beam.gains.chunks_exact(blocks).zip(beam.reflected.chunks_exact(blocks));
-        for ((carried, share), (gains, over_gain)) in carried.iter_mut().zip(shares).zip(lines) {
+        for ((carried, ratio), (gains, over_gain)) in carried.iter_mut().zip(ratios).zip(lines) {
             let reflected = at_most(gains[block][0] * over_gain[block], 1.0);
             *carried = at_least(gains[block][0], reflected);
-            *share = (reflected / *carried) * (reflected / *carried);
+            *ratio = (reflected / *carried) * (reflected / *carried);
         }
     });
     let amplitudes = &*amplitudes;
@@ -83,12 +84,14 @@ pub(in crate::host) fn lateral(
 /// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
 struct Weights {
     taps: [f32; TAPS_MAX],
-    /// Kernel of the depth, for a phased array off its normal the widened one.
+    /// Kernel of the block; widened for phased arrays off their normal.
     kernel: [f32; TAPS_MAX],
     first: usize,
     end: usize,
     /// Amplitude of speckle with these weights, relative to the depth's kernel.
     level: f32,
+    /// Root of the sum of squares of `kernel`, relative to the depth's kernel.
+    width: f32,
 }
 
 impl LateralBeam<'_> {
@@ -99,14 +102,15 @@ impl LateralBeam<'_> {
         let plain = &self.kernels.lateral[block * taps..][..taps];
         let (half, mut reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
         let projection = params.projection(line);
-        weights.level = 1.0;
+        (weights.level, weights.width) = (1.0, 1.0);
         if projection < 1.0 {
             reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
             weights.kernel[..taps].fill(0.0);
             widen(plain, reach, projection, &mut weights.kernel[..taps]);
             let widened = &weights.kernel[half - reach..=half + reach];
+            weights.width = (sum_of_squares(widened) / self.kernels.power[block]).sqrt();
             // Speckle of a wide kernel whose sum is 1 would be darker.
-            weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
+            weights.level = weights.width / widened.iter().sum::<f32>();
         } else {
             weights.kernel[..taps].copy_from_slice(plain);
         }
@@ -192,7 +196,8 @@ fn focus_row_body(
     let to = (2 * half + 1).min(lines + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    let mut weights = Weights { taps: [0.0; TAPS_MAX], kernel: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
+    let mut weights =
+        Weights { taps: [0.0; TAPS_MAX], kernel: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0, width: 1.0 };
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
@@ -224,17 +229,21 @@ fn focus_row_body(
         let beyond = (first..within.start.min(end)).chain(within.end.max(first)..end);
         let nearest = line + within.start - half;
         if !gains.is_empty() {
-            let (carried, shares) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
-            let seen = |weight: f32, kernel: f32, carried: f32, share: f32| {
-                at_least(weight * at_most(own / carried, NEIGHBOUR_GAIN_MAX), kernel * share)
+            let (carried, ratios) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
+            // Reflected echoes keep the power of the kernel.
+            let of_kernel = 1.0 / (scale * weights.width);
+            let received = |weight: f32, kernel: f32, carried: f32, ratio: f32| {
+                let by_gain = weight * at_most(own / carried, NEIGHBOUR_GAIN_MAX);
+                let received = at_least(by_gain, kernel * of_kernel * ratio);
+                if received >= constants.least_weight() { received } else { 0.0 }
             };
-            let others = carried[nearest..].iter().zip(&shares[nearest..]).zip(&weights.kernel[within.clone()]);
-            for (weighted, ((&carried, &share), &kernel)) in weighted[within.clone()].iter_mut().zip(others) {
-                *weighted = seen(*weighted, kernel, carried, share);
+            let others = carried[nearest..].iter().zip(&ratios[nearest..]).zip(&weights.kernel[within.clone()]);
+            for (weighted, ((&carried, &ratio), &kernel)) in weighted[within.clone()].iter_mut().zip(others) {
+                *weighted = received(*weighted, kernel, carried, ratio);
             }
             for tap in beyond.clone() {
                 let source = mirrored(line + tap, half, lines);
-                weighted[tap] = seen(weighted[tap], weights.kernel[tap], carried[source], shares[source]);
+                weighted[tap] = received(weighted[tap], weights.kernel[tap], carried[source], ratios[source]);
             }
         }
         let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&weighted[within.clone()]);

@@ -63,7 +63,7 @@ fn add_line_body(
     }
 }
 
-/// Adds one echo to a scanline with the aperture's gain along it.
+/// Adds one echo to scanline `line`, whose aperture gain is `gain`.
 #[inline(always)]
 fn add(
     params: &Params,

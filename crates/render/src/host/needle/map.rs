@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::host::constants::ImageConstants;
 use crate::needle::Outline;
 
-/// Number of rows that one thread marks together.
+/// Least number of rows per task.
 const ROWS: usize = 32;
 
 /// Marks pixels of `segmentation` [height × width] inside the sector.
@@ -31,7 +31,7 @@ widened_to_eight! {
 #[inline(always)]
 fn mark_body(outline: &Outline, [first, row]: [u32; 2], pixels: &mut [u8]) {
     for (column, pixel) in (first..).zip(pixels) {
-        // No branch, so that pixels are computed together.
+        // Branch-free, so that the loop is vectorised.
         let marked = (*pixel != 0) & outline.covers(column, row);
         *pixel = if marked { outline.tissue as u8 } else { *pixel };
     }
