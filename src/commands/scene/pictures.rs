@@ -4,7 +4,7 @@ use std::path::Path;
 
 use insonify::anatomy::{Axes, Scene};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Renderer};
+use insonify::render::{Frame, Quality, RenderSettings, Renderer};
 use insonify::report::scene_view::{
     BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
 };
@@ -32,7 +32,7 @@ pub(super) struct Pictures {
 }
 
 /// Draws the scene from the front, from the left and at the probe's fan. Renders B-mode frames of the first view and of
-/// the standard planes.
+/// the standard planes, of the quality `hq`.
 pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
     let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = file.parent().unwrap_or(Path::new("."));
@@ -61,7 +61,9 @@ pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArg
     let mut image = None;
     for (caption, pose, probe) in views.into_iter().take(VIEWS_MAX) {
         let station = station_of(&probe, &pose)?;
-        let mut renderer = Renderer::new(&backend, scene, &station.probe, &station.settings)?;
+        // One picture a view may take its time: at the station's quality, chance reflections show as streaks.
+        let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
+        let mut renderer = Renderer::new(&backend, scene, &station.probe, &settings)?;
         let mut frame = Frame::default();
         renderer.render(&pose, &mut frame)?;
         let sector = *renderer.sector();

@@ -122,7 +122,7 @@ fn from_pose_to_image_the_twins_show_the_same() {
 type Damages = &'static [(&'static str, &'static str, &'static str, &'static str)];
 
 /// Sets of damages. Passes are compared on the device's own inputs, so one renderer can have a damage in each pass.
-const DAMAGES: [Damages; 4] = [
+const DAMAGES: [Damages; 5] = [
     &[
         (
             "surfaces are never left",
@@ -221,12 +221,7 @@ const DAMAGES: [Damages; 4] = [
         ),
         ("levels midway like those at the samples", "detect", "pair.xy * taps_midway[4 - i]", "pair.xy * taps[4 - i]"),
         ("the first scatterer of a cell", "march", "abs(along_mm) < abs(ahead_mm)", "quarter == 0u"),
-        (
-            "neighbours of a scanline in the shadow as loud",
-            "lateral",
-            "max(own, min(own_reflected, by_reflections)) / max(gain, by_reflections)",
-            "1.0",
-        ),
+        ("neighbours of a scanline in the shadow as loud", "lateral", "min(own / carried, NEIGHBOUR_GAIN_MAX)", "1.0"),
         ("reflections of a pair of samples", "march", "select(0.0, own.x + own.y, pair == 0u)", "own.x + own.y"),
         ("delays of the axial path alone", "transmission", "return own.x +", "return 0.0 * own.x +"),
         (
@@ -245,6 +240,12 @@ const DAMAGES: [Damages; 4] = [
         ("attenuation in eight bits", "scan_convert", "ROOT_STEPS * root + 0.5", "257.0 * floor(255.0 * root + 0.5)"),
         ("a run late", "section", "return low;", "return min(low + 1u, entry_counts[ray] - 1u);"),
     ],
+    &[(
+        "reflected echoes of neighbours are hidden",
+        "lateral",
+        "max(by_gain, kernel_at(block, at, projection) * of_kernel * ratio)",
+        "by_gain",
+    )],
 ];
 
 /// Damages of what passes do where samples are so dense that levels and echoes lie at samples alone.
