@@ -32,7 +32,7 @@ pub(super) struct Pictures {
 }
 
 /// Draws the scene from the front, from the left and at the probe's fan. Renders B-mode frames of the first view and of
-/// the standard planes, of the quality `hq`.
+/// the standard planes, with the rays of the quality `hq` and the station's layers.
 pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
     let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = file.parent().unwrap_or(Path::new("."));
@@ -61,8 +61,9 @@ pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArg
     let mut image = None;
     for (caption, pose, probe) in views.into_iter().take(VIEWS_MAX) {
         let station = station_of(&probe, &pose)?;
-        // One picture a view may take its time: at the station's quality, chance reflections show as streaks.
-        let settings = RenderSettings { quality: Quality::HQ, ..station.settings };
+        // With a single ray for each scanline, reflections by chance show as streaks.
+        let quality = Quality { rays: Quality::HQ.rays, ..station.settings.quality };
+        let settings = RenderSettings { quality, ..station.settings };
         let mut renderer = Renderer::new(&backend, scene, &station.probe, &settings)?;
         let mut frame = Frame::default();
         renderer.render(&pose, &mut frame)?;
