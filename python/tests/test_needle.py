@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -320,14 +321,16 @@ def test_a_recorded_session_has_the_score_of_the_command(tmp_path: Path, run_pro
     assert said.returncode == 0, said.stderr
     expected = json.loads(said.stdout)["needle"]
     samples: list[insonify.NeedleSample] = []
-    first_ns, needle = 0, (0, insonify.Pose())
+    # The recording's metadata have the start of the session.
+    start = re.search(rb"start_time_ns.{4}(\d+)", recording.read_bytes(), re.DOTALL)
+    assert start is not None
+    first_ns, needle = int(start[1]), (0, insonify.Pose())
     for topic, time_ns, message in sorted(recorded(recording), key=lambda entry: (entry[1], entry[0])):
         if message["state"] in ("stale", "lost"):
             continue
         if topic == "/needle/pose":
             needle = (time_ns, pose_of(message))
         else:
-            first_ns = first_ns or time_ns
             # A pose of the needle counts for half a second.
             held = needle[1] if time_ns - needle[0] <= 500_000_000 else None
             samples.append(insonify.NeedleSample(1e-9 * (time_ns - first_ns), pose_of(message), held))

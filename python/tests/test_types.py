@@ -16,9 +16,14 @@ HERE = Path(__file__).parent.parent
 
 
 def run(tool: str, *arguments: object) -> None:
-    if importlib.util.find_spec(tool.partition(".")[0]) is None:
-        pytest.skip(f"{tool} is not installed")
-    environment = {**os.environ, "MYPYPATH": str(PACKAGE.parent)}
+    # Examples and extras import the packages of `scripts/test-python --all`.
+    for needed in (tool.partition(".")[0], "ray", "stable_baselines3"):
+        if importlib.util.find_spec(needed) is None:
+            pytest.skip(f"{needed} is not installed")
+    environment = dict(os.environ)
+    # mypy finds installed packages by itself, and refuses site-packages in MYPYPATH.
+    if PACKAGE.parent.name != "site-packages":
+        environment["MYPYPATH"] = str(PACKAGE.parent)
     command = [sys.executable, "-m", tool, *map(str, arguments)]
     said = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE, env=environment)
     assert said.returncode == 0, said.stdout + said.stderr
