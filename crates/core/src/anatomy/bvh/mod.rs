@@ -183,7 +183,7 @@ impl Bvh {
 
     /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
-        self.set_time_of(time_s, |_| u32::MAX);
+        self.move_trees(time_s, u32::MAX);
     }
 
     /// Moves the surfaces that can move into a box to their positions at `time_s`. The box is in the scene without drift, mm.
@@ -191,13 +191,12 @@ impl Bvh {
     /// box and hits in the box are exact. [`Bvh::moved`], [`Bvh::displacements`] and searches elsewhere then mix several
     /// times.
     pub fn set_time_near(&mut self, time_s: f64, near_mm: Bounds) {
-        self.set_time_of(time_s, |moving| moving.trees_near(near_mm));
+        self.move_trees(time_s, self.moving.as_ref().map_or(0, |moving| moving.trees_near(near_mm)));
     }
 
-    /// Moves the triangles of the chosen trees to their positions at `time_s`.
-    fn set_time_of(&mut self, time_s: f64, trees: impl FnOnce(&Moving) -> u32) {
+    /// Moves the triangles of the chosen trees, a bit set, to their positions at `time_s`.
+    fn move_trees(&mut self, time_s: f64, trees: u32) {
         if let Some(moving) = &mut self.moving {
-            let trees = trees(moving);
             // Entering the thread pool once here spares each parallel loop below from entering it.
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
             rayon::scope(|_| moving.set_time_s(time_s, trees, self.centre_mm, nodes, triangles));

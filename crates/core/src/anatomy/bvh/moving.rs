@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::refit;
 use super::{Changed, PackedTriangle, local};
 use crate::anatomy::motion::Motion;
-use crate::anatomy::{Bounds, Scene, Surface};
+use crate::anatomy::{Bounds, Scene};
 
 /// Smallest number of vertices, triangles or nodes in a parallel task.
 const TOGETHER: usize = 512;
@@ -22,6 +22,8 @@ pub(super) struct Group {
     pub(super) triangles: Vec<u32>,
     /// Bit set of all motion fields that move any of these triangles.
     pub(super) fields: u32,
+    /// Indices of the triangles' surfaces, each once.
+    surfaces: Vec<usize>,
 }
 
 /// A moving vertex.
@@ -81,9 +83,9 @@ pub(super) struct Moving {
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let motion = &scene.motion;
     let mut groups: Vec<Group> =
-        (0..=motion.fields.len()).map(|_| Group { triangles: Vec::new(), fields: 0 }).collect();
+        (0..=motion.fields.len()).map(|_| Group { triangles: Vec::new(), fields: 0, surfaces: Vec::new() }).collect();
     let mut first = 0u32;
-    for surface in &scene.surfaces {
+    for (number, surface) in scene.surfaces.iter().enumerate() {
         let mesh = &surface.mesh;
         let mask = motion.mask_of(&surface.name);
         let moved: Vec<u32> =
@@ -93,6 +95,9 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
             let group = if fields == 0 { 0 } else { fields.trailing_zeros() as usize + 1 };
             groups[group].triangles.push(index);
             groups[group].fields |= fields;
+            if groups[group].surfaces.last() != Some(&number) {
+                groups[group].surfaces.push(number);
+            }
         }
         first += mesh.triangles.len() as u32;
     }
@@ -152,14 +157,17 @@ pub(super) fn join(
                 triangles,
                 vertices: first_vertex..moving.vertices.len(),
                 swept_mm: at_rest.grown(reach_mm),
-                body: moving.trees.len(),
+                body: 0,
                 stale: 0,
                 levels: levels(&nodes, 1 + i),
             });
         }
     }
     moving.extents = vec![Bounds::EMPTY; nodes.len()];
-    moving.join_bodies(scene, order);
+    let moved: Vec<&Group> = groups.iter().filter(|group| group.fields != 0).collect();
+    for (tree, body) in moving.trees.iter_mut().zip(bodies(&moved)) {
+        tree.body = body;
+    }
     (nodes, moving)
 }
 
@@ -180,28 +188,33 @@ fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
     levels
 }
 
-/// Index of the first triangle of each surface, counted through all surfaces.
-fn starts(scene: &Scene) -> Vec<u32> {
-    let next = |next: &mut u32, surface: &Surface| {
-        let start = *next;
-        *next += surface.mesh.triangles.len() as u32;
-        Some(start)
-    };
-    scene.surfaces.iter().scan(0, next).collect()
-}
-
-/// Index of the surface of a triangle that is counted through all surfaces.
-fn surface_of(starts: &[u32], triangle: u32) -> usize {
-    starts.partition_point(|&start| start <= triangle) - 1
+/// Number of each group's body. Groups that share a surface, also by way of other groups, are one body.
+fn bodies(groups: &[&Group]) -> Vec<usize> {
+    let mut bodies: Vec<usize> = (0..groups.len()).collect();
+    for (at, group) in groups.iter().enumerate() {
+        for before in (0..at).filter(|&before| groups[before].surfaces.iter().any(|s| group.surfaces.contains(s))) {
+            let (kept, joined) = (bodies[before].min(bodies[at]), bodies[before].max(bodies[at]));
+            bodies.iter_mut().filter(|body| **body == joined).for_each(|body| *body = kept);
+        }
+    }
+    bodies
 }
 
 impl Moving {
     /// Adds the vertices and corners of `triangles`, which are indices counted through all surfaces.
     fn add_corners(&mut self, scene: &Scene, triangles: &[u32], centre_mm: DVec3) {
-        let starts = starts(scene);
+        let starts: Vec<u32> = scene
+            .surfaces
+            .iter()
+            .scan(0u32, |next, surface| {
+                let start = *next;
+                *next += surface.mesh.triangles.len() as u32;
+                Some(start)
+            })
+            .collect();
         let mut known: HashMap<(usize, u32), u32> = HashMap::new();
         for &triangle in triangles {
-            let surface = surface_of(&starts, triangle);
+            let surface = starts.partition_point(|&start| start <= triangle) - 1;
             let mesh = &scene.surfaces[surface].mesh;
             let mask = scene.motion.mask_of(&scene.surfaces[surface].name);
             let corners = mesh.triangles[(triangle - starts[surface]) as usize].map(|v| {
@@ -214,23 +227,6 @@ impl Moving {
                 })
             });
             self.corners.push(corners);
-        }
-    }
-
-    /// Numbers the trees by body. `order` lists the triangles of all trees in leaf order.
-    fn join_bodies(&mut self, scene: &Scene, order: &[u32]) {
-        let starts = starts(scene);
-        let mut body_of: HashMap<usize, usize> = HashMap::new();
-        for at in 0..self.trees.len() {
-            for &triangle in &order[self.trees[at].triangles.clone()] {
-                let (body, other) =
-                    (self.trees[at].body, *body_of.entry(surface_of(&starts, triangle)).or_insert(self.trees[at].body));
-                if body != other {
-                    let (kept, joined) = (body.min(other), body.max(other));
-                    self.trees.iter_mut().filter(|tree| tree.body == joined).for_each(|tree| tree.body = kept);
-                    body_of.values_mut().filter(|body| **body == joined).for_each(|body| *body = kept);
-                }
-            }
         }
     }
 
