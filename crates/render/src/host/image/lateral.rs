@@ -81,40 +81,54 @@ pub(in crate::host) fn lateral(
     });
 }
 
-/// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
-struct Weights {
-    taps: [f32; TAPS_MAX],
-    /// Kernel of the block; widened for phased arrays off their normal.
-    kernel: [f32; TAPS_MAX],
-    first: usize,
-    end: usize,
-    /// Amplitude of speckle with these weights, relative to the depth's kernel.
+/// Kernel of a scanline at a block.
+struct Kernel<'a> {
+    taps: &'a [f32],
+    /// Number of taps with weights to either side of the middle.
+    reach: usize,
+    /// Amplitude of speckle with this kernel, relative to the depth's kernel.
     level: f32,
-    /// Root of the sum of squares of `kernel`, relative to the depth's kernel.
+    /// Root of the sum of squares, relative to the depth's kernel.
     width: f32,
 }
 
-impl LateralBeam<'_> {
-    /// Fills in the weights of a block, whose `position` is a fractional index of the depth planes.
+/// Weights of a scanline's neighbours for one block, from tap `first` to before tap `end`.
+struct Weights {
+    taps: [f32; TAPS_MAX],
+    first: usize,
+    end: usize,
+}
+
+impl<'a> LateralBeam<'a> {
+    /// Kernel of a block; widened for phased arrays off their normal, with `wide` as memory.
     #[inline(always)]
-    fn weigh(&self, params: &Params, line: usize, block: usize, position: f32, weights: &mut Weights) {
-        let taps = 2 * params.lateral_half as usize + 1;
-        let plain = &self.kernels.lateral[block * taps..][..taps];
-        let (half, mut reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
+    fn kernel<'b>(&self, params: &Params, line: usize, block: usize, wide: &'b mut [f32; TAPS_MAX]) -> Kernel<'b>
+    where
+        'a: 'b,
+    {
+        let half = params.lateral_half as usize;
+        let taps = 2 * half + 1;
+        let (plain, reach) = (&self.kernels.lateral[block * taps..][..taps], self.kernels.reach[block] as usize);
         let projection = params.projection(line);
-        (weights.level, weights.width) = (1.0, 1.0);
-        if projection < 1.0 {
-            reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
-            weights.kernel[..taps].fill(0.0);
-            widen(plain, reach, projection, &mut weights.kernel[..taps]);
-            let widened = &weights.kernel[half - reach..=half + reach];
-            weights.width = (sum_of_squares(widened) / self.kernels.power[block]).sqrt();
-            // Speckle of a wide kernel whose sum is 1 would be darker.
-            weights.level = weights.width / widened.iter().sum::<f32>();
-        } else {
-            weights.kernel[..taps].copy_from_slice(plain);
+        if projection >= 1.0 {
+            return Kernel { taps: plain, reach, level: 1.0, width: 1.0 };
         }
-        let kernel = &weights.kernel[..taps];
+        let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
+        let wide = &mut wide[..taps];
+        wide.fill(0.0);
+        widen(plain, reach, projection, wide);
+        let widened = &wide[half - reach..=half + reach];
+        let width = (sum_of_squares(widened) / self.kernels.power[block]).sqrt();
+        // Speckle of a wide kernel whose sum is 1 would be darker.
+        Kernel { reach, level: width / widened.iter().sum::<f32>(), width, taps: wide }
+    }
+
+    /// Fills in the weights of a scanline with this kernel at `position`, a fractional index of the depth planes.
+    #[inline(always)]
+    fn weigh(&self, params: &Params, line: usize, kernel: &Kernel<'_>, position: f32, weights: &mut Weights) {
+        let half = params.lateral_half as usize;
+        let &Kernel { taps: kernel, reach, .. } = kernel;
+        let taps = kernel.len();
         let (mut first, mut end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
@@ -196,8 +210,7 @@ fn focus_row_body(
     let to = (2 * half + 1).min(lines + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    let mut weights =
-        Weights { taps: [0.0; TAPS_MAX], kernel: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0, width: 1.0 };
+    let (mut weights, mut wide) = (Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0 }, [0.0; TAPS_MAX]);
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
@@ -210,7 +223,8 @@ fn focus_row_body(
     }
     for (block, out) in blocks.iter_mut().enumerate() {
         let [own, position] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
-        beam.weigh(params, line, block, position, &mut weights);
+        let kernel = beam.kernel(params, line, block, &mut wide);
+        beam.weigh(params, line, &kernel, position, &mut weights);
         let (first, end) = match gains {
             [] => (weights.first.clamp(from, to), weights.end.clamp(from, to)),
             _ => (weights.first, weights.end),
@@ -221,7 +235,7 @@ fn focus_row_body(
             *weighted = if weight >= constants.least_weight() { weight } else { 0.0 };
         }
         let scale = match gains {
-            [] => 1.0 / at_least(weighted[first..end].iter().sum::<f32>() * weights.level, 1.0e-30),
+            [] => 1.0 / at_least(weighted[first..end].iter().sum::<f32>() * kernel.level, 1.0e-30),
             _ => (kernels.power[block] / at_least(sum_of_squares(&weighted[first..end]), 0.5 * kernels.power[block]))
                 .sqrt(),
         };
@@ -231,19 +245,19 @@ fn focus_row_body(
         if !gains.is_empty() {
             let (carried, ratios) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
             // Reflected echoes keep the power of the kernel.
-            let of_kernel = 1.0 / (scale * weights.width);
+            let of_kernel = 1.0 / (scale * kernel.width);
             let received = |weight: f32, kernel: f32, carried: f32, ratio: f32| {
                 let by_gain = weight * at_most(own / carried, NEIGHBOUR_GAIN_MAX);
                 let received = at_least(by_gain, kernel * of_kernel * ratio);
                 if received >= constants.least_weight() { received } else { 0.0 }
             };
-            let others = carried[nearest..].iter().zip(&ratios[nearest..]).zip(&weights.kernel[within.clone()]);
+            let others = carried[nearest..].iter().zip(&ratios[nearest..]).zip(&kernel.taps[within.clone()]);
             for (weighted, ((&carried, &ratio), &kernel)) in weighted[within.clone()].iter_mut().zip(others) {
                 *weighted = received(*weighted, kernel, carried, ratio);
             }
             for tap in beyond.clone() {
                 let source = mirrored(line + tap, half, lines);
-                weighted[tap] = received(weighted[tap], weights.kernel[tap], carried[source], ratios[source]);
+                weighted[tap] = received(weighted[tap], kernel.taps[tap], carried[source], ratios[source]);
             }
         }
         let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&weighted[within.clone()]);
