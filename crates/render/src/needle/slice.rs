@@ -165,24 +165,22 @@ impl AtDepth {
         self.step_mm * (OFFSETS - 1) as f64
     }
 
-    /// Field at an offset, 1/mm; 0 beyond the table.
-    fn field_at(&self, offset_mm: f64) -> DVec2 {
+    /// Tabulated offset before an offset, and the fraction of the way to the next; `None` beyond the table.
+    fn around(&self, offset_mm: f64) -> Option<(usize, f64)> {
         let place = offset_mm.abs() / self.step_mm;
         let low = place as usize;
-        match self.field.get(low + 1) {
-            Some(next) => self.field[low].lerp(*next, place.fract()),
-            None => DVec2::ZERO,
-        }
+        (low + 1 < OFFSETS).then_some((low, place.fract()))
+    }
+
+    /// Field at an offset, 1/mm; 0 beyond the table.
+    fn field_at(&self, offset_mm: f64) -> DVec2 {
+        self.around(offset_mm).map_or(DVec2::ZERO, |(low, part)| self.field[low].lerp(self.field[low + 1], part))
     }
 
     /// Magnitude of the field at an offset, 1/mm; 0 beyond the table.
     fn level_at(&self, offset_mm: f64) -> f64 {
-        let place = offset_mm.abs() / self.step_mm;
-        let low = place as usize;
-        match self.level.get(low + 1) {
-            Some(next) => self.level[low] + (next - self.level[low]) * place.fract(),
-            None => 0.0,
-        }
+        let between = |(low, part): (usize, f64)| self.level[low] + (self.level[low + 1] - self.level[low]) * part;
+        self.around(offset_mm).map_or(0.0, between)
     }
 
     /// Share between the image plane and a positive offset, mm.
