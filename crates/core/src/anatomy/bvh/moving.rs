@@ -461,5 +461,11 @@ mod tests {
         };
         assert_eq!(bodies(&scene()), [0, 1]);
         assert_eq!(bodies(&split()), [0, 1, 1]);
+        let moving = Bvh::build(&split()).unwrap().moving.unwrap();
+        let above = Bounds::around(Vec3::new(-20.0, 10.0, 15.0), Vec3::splat(0.1));
+        assert!(moving.trees[1].swept_mm.meets(above) && !moving.trees[2].swept_mm.meets(above));
+        assert_eq!(moving.trees_near(above), 0b110, "the lower part moves with the upper one");
+        assert_eq!(moving.trees_near(Bounds::around(Vec3::new(10.0, 0.0, 5.0), Vec3::splat(0.1))), 0b001);
+        assert_eq!(moving.trees_near(Bounds::around(Vec3::splat(90.0), Vec3::splat(0.1))), 0);
     }
 }
